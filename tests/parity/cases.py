@@ -2,7 +2,7 @@
 
 import os
 
-# Where the rollouts run: `cpu`, or `d3d12` for DirectML.
+# Where the rollouts run: `cpu`, `d3d12` for DirectML, or `webgpu` for the WebGPU provider.
 DEVICE = os.environ.get("PARITY_DEVICE", "cpu")
 # Two short rollouts instead of all, for test runs on a device that the processor emulates.
 SHORT = os.environ.get("PARITY_CASES") == "short"

@@ -1,18 +1,15 @@
-//! Worlds on ONNX Runtime's WebGPU provider give the CPU provider's results, repeat bit for bit, continue from saved states of any device, and
-//! report every non-finite number. On Linux with a graphics adapter, or in the lab: `cargo xtask test webgpu`.
+//! Worlds on ONNX Runtime's WebGPU provider give the CPU provider's results, repeat bit for bit, continue saved states of the processor, and
+//! report every number that is not finite. In the lab, with the driver by which the processor emulates an adapter: `cargo xtask test webgpu`.
 #![cfg(target_os = "linux")]
 
+use std::process::Command;
 use std::sync::Arc;
 
 use cairn::bundle::Precision;
-use cairn::runtime::{Device, WebGpuOptions};
-use cairn::world::{Rollout, World, WorldOptions};
-use test_support::worlds::{self, bundle, controls, fingerprint, ort, point, seeded};
-
-fn webgpu() -> Device {
-    let options = WebGpuOptions { deterministic: true, adapter: Some("llvmpipe".to_owned()) };
-    Device::webgpu(&ort(), &options).expect("an adapter, and the plugin beside ONNX Runtime")
-}
+use cairn::runtime::{Device, DeviceKind, WebGpuOptions};
+use cairn::world::{KvPart, OperatingPoint, Rollout, Schedule, World, WorldOptions};
+use cairn::{Error, ErrorKind, Picture};
+use test_support::worlds::{self, bundle, controls, fingerprint, ort, point, seeded, webgpu};
 
 fn load(device: &Device, name: &str, precision: Precision) -> Arc<World> {
     let options = WorldOptions { precision: Some(precision), ..WorldOptions::default() };
@@ -46,9 +43,29 @@ fn a_latent_equals_the_cpu_providers() {
         let truth = latent(&load(&worlds::device(), "tiny", precision));
         let found = latent(&load(&webgpu(), "tiny", precision));
         let error = error(&found, &truth);
-        println!("{precision:?}: a relative error of {error:e}");
         assert!(error <= bound, "{precision:?}: a relative error of {error:e}");
         assert!(error > 0.0, "{precision:?}: equal bits mean that one of the providers did not run");
+    }
+}
+
+#[test]
+fn the_embedded_world_and_weights_in_4_bits_run_on_the_adapter() {
+    // One pass: the processor emulates the adapter.
+    let latent = |world: &Arc<World>| {
+        let schedule = Schedule::Explicit(vec![0.45, 0.0]);
+        let mut rollout = seeded(world, &OperatingPoint { schedule, ..point(world) }, 7);
+        steps(&mut rollout, 0..1);
+        rollout.latent().expect("a latent").to_vec()
+    };
+    let options = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
+    for bundle in [cairn::bundle::Bundle::embedded(&Default::default()).expect("it"), bundle("miniature-4bit")] {
+        let name = bundle.manifest().name.clone();
+        let truth = latent(&World::load(&worlds::device(), &bundle, options.clone()).expect("a world"));
+        let found =
+            latent(&World::load(&webgpu(), &bundle, options.clone()).expect("a world with every node on the adapter"));
+        let error = error(&found, &truth);
+        // The provider adds float16 in float16, the processor mostly in float32.
+        assert!(error > 0.0 && error <= 2e-2, "{name}: a relative error of {error:e} from the CPU provider's");
     }
 }
 
@@ -69,4 +86,144 @@ fn a_rollout_repeats_bit_for_bit_also_from_a_saved_state() {
     restored.restore(&saved).expect("the state fits");
     steps(&mut restored, 1..3);
     assert!(bits(&mut first) == bits(&mut restored), "the state holds everything");
+}
+
+#[test]
+fn a_state_moves_between_the_processor_and_the_adapter() {
+    let [cpu, gpu] = [worlds::device(), webgpu()].map(|device| load(&device, "tiny", Precision::F32));
+    for (from, to) in [(&cpu, &gpu), (&gpu, &cpu)] {
+        let mut rollout = seeded(from, &point(from), 7);
+        steps(&mut rollout, 0..2);
+        let saved = rollout.save().expect("a state");
+        let mut moved = Rollout::new(to, &point(to), 1).expect("a rollout");
+        moved.restore(&saved).expect("the state fits");
+        assert!(moved.save().expect("a state") == saved, "every byte has moved");
+        for rollout in [&mut rollout, &mut moved] {
+            steps(rollout, 2..4);
+        }
+        let error = error(moved.latent().expect("a latent"), rollout.latent().expect("a latent"));
+        assert!(error > 0.0 && error <= 1e-4, "both go on alike: a relative error of {error:e}");
+    }
+}
+
+#[test]
+fn a_single_number_that_is_not_finite_is_found_at_any_position() {
+    let world = load(&webgpu(), "tiny", Precision::F16);
+    let mut rollout = seeded(&world, &point(&world), 7);
+    let before = fingerprint(&mut rollout).expect("bits");
+    let mut latent = rollout.latent().expect("a latent").to_vec();
+    for at in [0, 1, latent.len() / 2, latent.len() - 1] {
+        // A float that becomes infinite as a half float.
+        let kept = std::mem::replace(&mut latent[at], 1e30);
+        let refused = rollout.append_latent(&latent).expect_err("the latent is invalid");
+        assert_eq!(refused.kind(), ErrorKind::Device);
+        assert!(refused.to_string().contains("latent 1 came out with a number that is not finite"), "{at}: {refused}");
+        latent[at] = kept;
+    }
+    assert!(fingerprint(&mut rollout).expect("bits") == before, "the rollout is unchanged");
+    rollout.append_latent(&latent).expect("all numbers are finite");
+}
+
+#[test]
+fn only_controls_go_up_and_one_picture_comes_down() {
+    let world = load(&webgpu(), "tiny", Precision::F16);
+    let mut rollout = seeded(&world, &point(&world), 7);
+    steps(&mut rollout, 0..1);
+    let uploaded = rollout.step(&controls(1)).expect("a step").bytes.uploaded;
+    let geometry = &world.manifest().geometry;
+    let ring = rollout.ring_bytes(0, KvPart::Keys).expect("a ring").len() as u64 * 2 * u64::from(geometry.layers);
+    assert!(uploaded < ring / 2, "{uploaded} bytes went up; the rings have {ring}");
+    let mut picture = Picture::new(1, 1).expect("a picture");
+    rollout.read_picture(0, &mut picture).expect("a picture");
+    assert!(picture.width() > 1, "the picture came down");
+}
+
+#[test]
+fn two_rollouts_on_two_threads_take_turns() {
+    let device = webgpu();
+    let world = load(&device, "tiny", Precision::F16);
+    let run = || {
+        let mut rollout = seeded(&world, &point(&world), 7);
+        steps(&mut rollout, 0..3);
+        fingerprint(&mut rollout).expect("bits")
+    };
+    let alone = run();
+    std::thread::scope(|scope| {
+        let threads = [scope.spawn(run), scope.spawn(run)];
+        // Sessions come and go at the same time.
+        drop(load(&webgpu(), "tiny", Precision::F16));
+        for thread in threads {
+            assert!(thread.join().expect("no panic") == alone, "the same bits beside other work");
+        }
+    });
+}
+
+#[test]
+fn a_device_says_what_it_is() {
+    let device = webgpu();
+    assert_eq!((device.kind(), device.precision(), device.is_gpu()), (DeviceKind::WebGpu, Precision::F16, true));
+    let text = device.describe();
+    assert!(text.starts_with("ONNX Runtime 1.") && text.contains(" WebGPU 0.") && text.contains("llvmpipe"), "{text}");
+    let memory = device.memory().expect("the driver reports its memory");
+    assert!(memory.granted > 1 << 20, "{memory:?}");
+}
+
+fn refusal(adapter: Option<&str>) -> Error {
+    let options = WebGpuOptions { adapter: adapter.map(str::to_owned), ..WebGpuOptions::default() };
+    Device::webgpu(&ort(), &options).expect_err("no such adapter")
+}
+
+#[test]
+fn adapters_that_are_not_there_and_unnamed_software_are_refused() {
+    let error = refusal(Some("voodoo"));
+    assert_eq!(error.kind(), ErrorKind::InvalidArgument);
+    assert!(error.to_string().contains("0: llvmpipe"), "{error}");
+    let error = refusal(None);
+    assert_eq!(error.kind(), ErrorKind::Unsupported);
+    assert!(error.to_string().contains("by which the processor emulates one"), "{error}");
+}
+
+/// Runs one of this program's tests in a process of its own, with other variables.
+fn in_a_process(test: &str, with: impl FnOnce(&mut Command)) {
+    let mut command = Command::new(std::env::current_exe().expect("this program"));
+    command.args(["--exact", test, "--nocapture"]).env("WEBGPU_TEST_PART", "1");
+    with(&mut command);
+    let output = command.output().expect("a process");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && text.contains("1 passed"), "{test}: {text}");
+}
+
+/// Whether this is the process that [`in_a_process`] started.
+fn is_part() -> bool {
+    std::env::var_os("WEBGPU_TEST_PART").is_some()
+}
+
+#[test]
+fn a_missing_plugin_is_named() {
+    if !is_part() {
+        let folder = std::env::temp_dir().join(format!("cairn-no-plugin-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let library = ort().path().to_owned();
+        let alone = folder.join(library.file_name().expect("a name"));
+        std::fs::copy(&library, &alone).expect("a copy");
+        in_a_process("a_missing_plugin_is_named", |command| {
+            command.env("CAIRN_ONNXRUNTIME", &alone);
+        });
+        return std::fs::remove_dir_all(&folder).expect("removed");
+    }
+    let error = refusal(Some("llvmpipe"));
+    assert_eq!(error.kind(), ErrorKind::RuntimeMissing);
+    assert!(error.to_string().contains("libonnxruntime_providers_webgpu.so"), "{error}");
+}
+
+#[test]
+fn a_machine_without_an_adapter_is_named() {
+    if !is_part() {
+        return in_a_process("a_machine_without_an_adapter_is_named", |command| {
+            command.env("VK_DRIVER_FILES", "/nowhere.json");
+        });
+    }
+    let error = refusal(Some("llvmpipe"));
+    assert_eq!(error.kind(), ErrorKind::Unsupported);
+    assert!(error.to_string().contains("there is no graphics adapter by Vulkan"), "{error}");
 }

@@ -75,6 +75,9 @@ enum DeviceName {
     /// The first Direct3D 12 adapter that is no software, else the first.
     #[cfg(windows)]
     D3d12,
+    /// The adapter that Mesa's software driver emulates, by the WebGPU provider.
+    #[cfg(target_os = "linux")]
+    Webgpu,
 }
 
 impl DeviceName {
@@ -88,6 +91,11 @@ impl DeviceName {
                 let gpu = cairn::gpu::Gpu::on_adapter(None)?;
                 let options = cairn::runtime::DirectMlOptions { deterministic: true, ..Default::default() };
                 Ok(Device::directml(&ort, &gpu, options)?)
+            }
+            #[cfg(target_os = "linux")]
+            Self::Webgpu => {
+                let adapter = Some("llvmpipe".to_owned());
+                Ok(Device::webgpu(&ort, &cairn::runtime::WebGpuOptions { deterministic: true, adapter })?)
             }
         }
     }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use cairn::bundle::{Bundle, Precision};
-use cairn::runtime::{CpuOptions, Device, Ort};
+use cairn::runtime::{CpuOptions, Device, Ort, WebGpuOptions};
 use cairn::world::{
     CacheMode, ControlInput, Key, KeySet, OperatingPoint, Preset, Rollout, Schedule, World, WorldOptions,
 };
@@ -31,9 +31,12 @@ pub fn bundle_path(name: &str) -> PathBuf {
     }
 }
 
-/// The processor with two threads, so that results do not depend on the machine's number of cores. On Windows a Direct3D 12 adapter if
-/// `CAIRN_TEST_DEVICE` is `d3d12`.
+/// The processor with two threads, so that results do not depend on the machine's number of cores. If `CAIRN_TEST_DEVICE` is `webgpu`, the
+/// adapter of [`webgpu`]; on Windows, if it is `d3d12`, a Direct3D 12 adapter.
 pub fn device() -> Device {
+    if std::env::var_os("CAIRN_TEST_DEVICE").is_some_and(|name| name == "webgpu") {
+        return webgpu();
+    }
     #[cfg(windows)]
     if std::env::var_os("CAIRN_TEST_DEVICE").is_some_and(|name| name == "d3d12") {
         let gpu = cairn::gpu::Gpu::on_adapter(None).expect("an adapter");
@@ -41,6 +44,13 @@ pub fn device() -> Device {
         return Device::directml(&ort(), &gpu, options).expect("DirectML");
     }
     Device::cpu(&ort(), CpuOptions { threads: Some(2), deterministic: true }).expect("a CPU device")
+}
+
+/// The adapter that the lab's driver emulates, or the one that `CAIRN_TEST_ADAPTER` names, by the WebGPU provider.
+pub fn webgpu() -> Device {
+    let adapter = std::env::var("CAIRN_TEST_ADAPTER").unwrap_or_else(|_| "llvmpipe".to_owned());
+    let options = WebGpuOptions { deterministic: true, adapter: Some(adapter) };
+    Device::webgpu(&ort(), &options).expect("an adapter, and the plugin beside ONNX Runtime")
 }
 
 /// The world of the test bundle `name` at its default window, in single precision on every device.
