@@ -114,6 +114,19 @@ fn dispatches_write_and_read_buffers() {
 }
 
 #[test]
+fn root_constants_fill_a_root_signature() {
+    let Engine { device, direct, .. } = Engine::create();
+    let (first, second, verdict) = (upload(&device, 3), upload(&device, 3), buffer(&device));
+    // With the table and the two that the shader reads, as many words as a root signature may have.
+    let dispatch = Dispatch::with_unused_constants(&device, [&first, &second], &verdict, &[60, 1]);
+    let recording = Recording::on(&device, &direct);
+    recording.barrier(&verdict, D3D12_RESOURCE_STATE_COMMON, D3D12_RESOURCE_STATE_UNORDERED_ACCESS);
+    dispatch.record(&recording);
+    recording.submit(&direct);
+    wait(&device, &direct);
+}
+
+#[test]
 fn one_queue_reads_what_the_other_wrote() {
     let Engine { device, direct, compute } = Engine::create();
     let (source, kept) = (upload(&device, 4), buffer(&device));
@@ -251,10 +264,21 @@ struct Dispatch {
     root: ID3D12RootSignature,
     pipeline: ID3D12PipelineState,
     heap: ID3D12DescriptorHeap,
+    /// Numbers of constants that the shader does not read, each of a root parameter.
+    unused: Vec<u32>,
 }
 
 impl Dispatch {
     fn new(device: &ID3D12Device, inputs: [&ID3D12Resource; 2], output: &ID3D12Resource) -> Self {
+        Self::with_unused_constants(device, inputs, output, &[])
+    }
+
+    fn with_unused_constants(
+        device: &ID3D12Device,
+        inputs: [&ID3D12Resource; 2],
+        output: &ID3D12Resource,
+        unused: &[u32],
+    ) -> Self {
         let range = |kind, register| D3D12_DESCRIPTOR_RANGE {
             RangeType: kind,
             NumDescriptors: 1,
@@ -267,14 +291,19 @@ impl Dispatch {
             range(D3D12_DESCRIPTOR_RANGE_TYPE_SRV, 1),
             range(D3D12_DESCRIPTOR_RANGE_TYPE_UAV, 0),
         ];
-        let parameters = [
-            D3D12_ROOT_PARAMETER {
-                ParameterType: D3D12_ROOT_PARAMETER_TYPE_32BIT_CONSTANTS,
-                Anonymous: D3D12_ROOT_PARAMETER_0 {
-                    Constants: D3D12_ROOT_CONSTANTS { Num32BitValues: 2, ..Default::default() },
+        let constants = |register, count| D3D12_ROOT_PARAMETER {
+            ParameterType: D3D12_ROOT_PARAMETER_TYPE_32BIT_CONSTANTS,
+            Anonymous: D3D12_ROOT_PARAMETER_0 {
+                Constants: D3D12_ROOT_CONSTANTS {
+                    ShaderRegister: register,
+                    Num32BitValues: count,
+                    ..Default::default()
                 },
-                ..Default::default()
             },
+            ..Default::default()
+        };
+        let mut parameters = vec![
+            constants(0, 2),
             D3D12_ROOT_PARAMETER {
                 ParameterType: D3D12_ROOT_PARAMETER_TYPE_DESCRIPTOR_TABLE,
                 Anonymous: D3D12_ROOT_PARAMETER_0 {
@@ -286,6 +315,7 @@ impl Dispatch {
                 ..Default::default()
             },
         ];
+        parameters.extend((1..).zip(unused).map(|(register, count)| constants(register, *count)));
         let wanted = D3D12_ROOT_SIGNATURE_DESC {
             NumParameters: parameters.len() as u32,
             pParameters: parameters.as_ptr(),
@@ -342,7 +372,7 @@ impl Dispatch {
         let at = D3D12_CPU_DESCRIPTOR_HANDLE { ptr: start.ptr + 2 * step };
         // SAFETY: as above.
         unsafe { device.CreateUnorderedAccessView(output, None, Some(&raw const view), at) };
-        Self { root, pipeline, heap }
+        Self { root, pipeline, heap, unused: unused.to_vec() }
     }
 
     fn record(&self, recording: &Recording) {
@@ -355,6 +385,10 @@ impl Dispatch {
             list.SetPipelineState(&self.pipeline);
             list.SetComputeRoot32BitConstants(0, constants.len() as u32, constants.as_ptr().cast(), 0);
             list.SetComputeRootDescriptorTable(1, self.heap.GetGPUDescriptorHandleForHeapStart());
+            for (parameter, count) in (2..).zip(&self.unused) {
+                let constants = vec![0_u32; *count as usize];
+                list.SetComputeRoot32BitConstants(parameter, *count, constants.as_ptr().cast(), 0);
+            }
             list.Dispatch(1, 1, 1);
         }
     }

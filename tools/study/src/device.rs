@@ -5,7 +5,7 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use cairn::bundle::{Bundle, Precision};
-use cairn::runtime::{CpuOptions, Device, Ort};
+use cairn::runtime::{CpuOptions, Device, Ort, WebGpuOptions};
 use cairn::world::{World, WorldOptions};
 use cairn::{Error, ErrorKind, Result};
 use serde::{Deserialize, Serialize};
@@ -14,27 +14,34 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum DeviceChoice {
-    /// A Direct3D 12 adapter on which the world loads, if there is one; otherwise the CPU.
+    /// The first on which the world loads of: a Direct3D 12 adapter, an adapter by the WebGPU provider, the CPU.
     Auto,
     /// The CPU. Also meant by manifests without a device.
     #[default]
     Cpu,
     /// A Direct3D 12 adapter by its number in the system's list; `None` for the best.
     D3d12(Option<u32>),
+    /// An adapter by ONNX Runtime's WebGPU provider, by its number in Vulkan's list; `None` for the fastest.
+    WebGpu(Option<u32>),
 }
 
 impl FromStr for DeviceChoice {
     type Err = Error;
 
-    /// Reads `auto`, `cpu`, `d3d12` or `d3d12:N`.
+    /// Reads `auto`, `cpu`, `d3d12`, `d3d12:N`, `webgpu` or `webgpu:N`.
     fn from_str(text: &str) -> Result<Self> {
-        match text.split_once(':') {
-            None if text == "auto" => Ok(Self::Auto),
-            None if text == "cpu" => Ok(Self::Cpu),
-            None if text == "d3d12" => Ok(Self::D3d12(None)),
-            Some(("d3d12", number)) if number.bytes().all(|b| b.is_ascii_digit()) => {
-                number.parse().map(|number| Self::D3d12(Some(number))).map_err(|_| unknown(text))
+        let (kind, number) = match text.split_once(':') {
+            None => (text, None),
+            Some((kind, number)) if number.bytes().all(|b| b.is_ascii_digit()) => {
+                (kind, Some(number.parse().map_err(|_| unknown(text))?))
             }
+            Some(_) => return Err(unknown(text)),
+        };
+        match (kind, number) {
+            ("auto", None) => Ok(Self::Auto),
+            ("cpu", None) => Ok(Self::Cpu),
+            ("d3d12", number) => Ok(Self::D3d12(number)),
+            ("webgpu", number) => Ok(Self::WebGpu(number)),
             _ => Err(unknown(text)),
         }
     }
@@ -43,7 +50,10 @@ impl FromStr for DeviceChoice {
 fn unknown(text: &str) -> Error {
     Error::new(ErrorKind::InvalidArgument, format!("{text:?} is no device"))
         .field("--device")
-        .remedy("Use auto, cpu, d3d12 for the best adapter, or d3d12:N for number N of the system's list, from 0 on")
+        .remedy(
+            "Use auto, cpu, d3d12 or webgpu for the best adapter, or d3d12:N or webgpu:N for number N of the system's or Vulkan's list, \
+             from 0 on",
+        )
 }
 
 impl fmt::Display for DeviceChoice {
@@ -53,6 +63,8 @@ impl fmt::Display for DeviceChoice {
             Self::Cpu => f.write_str("cpu"),
             Self::D3d12(None) => f.write_str("d3d12"),
             Self::D3d12(Some(number)) => write!(f, "d3d12:{number}"),
+            Self::WebGpu(None) => f.write_str("webgpu"),
+            Self::WebGpu(Some(number)) => write!(f, "webgpu:{number}"),
         }
     }
 }
@@ -77,7 +89,8 @@ impl DeviceChoice {
         match wanted {
             Self::Auto => true,
             Self::D3d12(None) => matches!(self, Self::D3d12(_)),
-            Self::Cpu | Self::D3d12(Some(_)) => self == wanted,
+            Self::WebGpu(None) => matches!(self, Self::WebGpu(_)),
+            Self::Cpu | Self::D3d12(Some(_)) | Self::WebGpu(Some(_)) => self == wanted,
         }
     }
 
@@ -92,7 +105,7 @@ pub(crate) struct LoadedWorld {
     pub(crate) world: Arc<World>,
     /// The device as a choice that selects it again on this machine.
     pub(crate) choice: DeviceChoice,
-    /// Why `auto` fell back to the CPU, if it did.
+    /// Why `auto` did not take the devices before this one, if it did not.
     pub(crate) fallback: Option<Error>,
 }
 
@@ -104,21 +117,45 @@ pub(crate) fn load(
     bundle: &Arc<Bundle>,
     options: &WorldOptions,
 ) -> Result<LoadedWorld> {
-    let graphics = |number: Option<u32>| {
-        let (device, number) = d3d12(ort, number)?;
+    let graphics = |device: &Device, choice| {
         // Older bundles hold one precision only.
         let precision = Some(if bundle.has(device.precision()) { device.precision() } else { Precision::F32 });
-        let world = World::load(&device, bundle, WorldOptions { precision, ..options.clone() })?;
-        Ok(LoadedWorld { world, choice: DeviceChoice::D3d12(Some(number)), fallback: None })
+        let world = World::load(device, bundle, WorldOptions { precision, ..options.clone() })?;
+        Ok(LoadedWorld { world, choice, fallback: None })
     };
-    let processor = |fallback: Option<Error>| {
+    let on_d3d12 = |number| {
+        let (device, number) = d3d12(ort, number)?;
+        graphics(&device, DeviceChoice::D3d12(Some(number)))
+    };
+    let on_webgpu = |number: Option<u32>| {
+        let adapter = number.map(|number| number.to_string());
+        let device = Device::webgpu(ort, &WebGpuOptions { deterministic: true, adapter })?;
+        graphics(&device, DeviceChoice::WebGpu(number))
+    };
+    let on_cpu = || {
         let device = Device::cpu(ort, CpuOptions { threads, deterministic: true })?;
-        Ok(LoadedWorld { world: World::load(&device, bundle, options.clone())?, choice: DeviceChoice::Cpu, fallback })
+        let world = World::load(&device, bundle, options.clone())?;
+        Ok(LoadedWorld { world, choice: DeviceChoice::Cpu, fallback: None })
     };
     match choice {
-        DeviceChoice::Cpu => processor(None),
-        DeviceChoice::D3d12(number) => graphics(number),
-        DeviceChoice::Auto => graphics(None).or_else(|why| processor(Some(why))),
+        DeviceChoice::Cpu => on_cpu(),
+        DeviceChoice::D3d12(number) => on_d3d12(number),
+        DeviceChoice::WebGpu(number) => on_webgpu(number),
+        DeviceChoice::Auto => {
+            let mut refusals = Vec::new();
+            if cfg!(windows) {
+                match on_d3d12(None) {
+                    Ok(world) => return Ok(world),
+                    Err(why) => refusals.push(format!("not d3d12: {}", why.cause())),
+                }
+            }
+            let loaded = on_webgpu(None).or_else(|why| {
+                refusals.push(format!("not webgpu: {}", why.cause()));
+                on_cpu()
+            })?;
+            let why = (!refusals.is_empty()).then(|| Error::new(ErrorKind::Unsupported, refusals.join("; ")));
+            Ok(LoadedWorld { fallback: why, ..loaded })
+        }
     }
 }
 
@@ -167,6 +204,9 @@ mod tests {
             ("d3d12:0", "cpu", false),
             ("cpu", "auto", true),
             ("d3d12:0", "auto", true),
+            ("webgpu", "auto", true),
+            ("webgpu:0", "webgpu", true),
+            ("webgpu", "d3d12", false),
         ] {
             assert_eq!(choice(found).is_what(choice(wanted)), fits, "{found} for {wanted}");
         }
@@ -174,7 +214,7 @@ mod tests {
 
     #[test]
     fn a_choice_is_written_as_it_is_read() {
-        for text in ["auto", "cpu", "d3d12", "d3d12:0", "d3d12:17"] {
+        for text in ["auto", "cpu", "d3d12", "d3d12:0", "d3d12:17", "webgpu", "webgpu:3"] {
             assert_eq!(text.parse::<DeviceChoice>().unwrap().to_string(), text);
         }
         for text in ["", "gpu", "d3d12:", "d3d12:-1", "d3d12:+1", "d3d12:99999999999", "cpu:0", "AUTO"] {

@@ -51,7 +51,7 @@ pub struct Outcome {
     pub failure: Option<Error>,
     /// Whether [`Job::stop`] ended the job.
     pub interrupted: bool,
-    /// Why [`DeviceChoice::Auto`] fell back to the CPU, if it did.
+    /// Why [`DeviceChoice::Auto`] did not take the devices before the one that it took, if it did not.
     pub fallback: Option<Error>,
 }
 

@@ -69,7 +69,7 @@ pub(super) struct CompareArgs {
     /// World bundle, a folder or a .cairn file [default: the one inside the library]
     #[arg(long, value_name = "BUNDLE")]
     world: Option<PathBuf>,
-    /// Where the world runs: auto, cpu, d3d12 for the best adapter, or d3d12:N
+    /// Where the world runs: auto, cpu, d3d12 or webgpu for the best adapter, or d3d12:N or webgpu:N
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     device: String,
     /// What makes frames between anchors: cpu, or on Windows shader or fsr, for which AMD's libraries lie in CAIRN_FFX_DIR or beside

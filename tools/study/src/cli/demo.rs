@@ -25,8 +25,8 @@ pub(super) struct DemoArgs {
     /// Size of the rollout's presented frames
     #[arg(long, value_name = "WxH", default_value = "1920x1080")]
     size: String,
-    /// Where the world runs: auto, cpu, d3d12 for the best adapter, or d3d12:N for number N of the system's list; auto is that
-    /// adapter where the world loads on it, else the processor, and says why
+    /// Where the world runs: auto, cpu, d3d12 or webgpu for the best adapter, or d3d12:N or webgpu:N for number N of its list; auto is the
+    /// first of d3d12, webgpu and cpu on which the world loads, and says why not an earlier one
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
     device: String,
     /// What takes the world's pictures to that size: lanczos, which is spatial, catmull-rom, or on Windows fsr, which makes anchors larger

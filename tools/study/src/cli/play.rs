@@ -59,7 +59,7 @@ pub(super) struct PlayArgs {
     /// Seed of the noise [default: 1, or that of the replayed walk]
     #[arg(long)]
     seed: Option<u64>,
-    /// Where the world runs: auto, cpu, d3d12 for the best adapter, or d3d12:N for number N of the system's list
+    /// Where the world runs: auto, cpu, d3d12 or webgpu for the best adapter, or d3d12:N or webgpu:N for number N of its list
     #[arg(long, value_name = "DEVICE", default_value = "auto")]
     device: String,
     /// Threads of a pass; the same number gives the same bits [default: one to a physical core]

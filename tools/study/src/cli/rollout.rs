@@ -93,8 +93,8 @@ struct RunArgs {
     /// Threads of a pass; the same number gives the same bits [default: one to a physical core]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
-    /// Where the world runs: auto, cpu, d3d12 for the best adapter, or d3d12:N for number N of the system's list; auto is that
-    /// adapter where the world loads on it, else the processor, and says why
+    /// Where the world runs: auto, cpu, d3d12 or webgpu for the best adapter, or d3d12:N or webgpu:N for number N of its list; auto is the
+    /// first of d3d12, webgpu and cpu on which the world loads, and says why not an earlier one
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     device: String,
     /// Folder for everything that is made
@@ -158,7 +158,7 @@ pub(super) fn make(settings: &Settings, out: &Path, overwrite: bool, quiet: bool
             println!("{note}");
         }
         if let Some(why) = &outcome.fallback {
-            println!("It ran on the processor: {}", why.cause());
+            println!("It ran on {}: {}", outcome.manifest.settings.device, why.cause());
         }
         print!("{}", demo::summary(&outcome, out));
         let seconds = |stage: &str| outcome.manifest.timings.get(stage).copied().unwrap_or(0.0);
