@@ -395,6 +395,11 @@ typedef struct cairn_device_options {
      * beside the program. With CAIRN_DEVICE_ENVIRONMENT, if the environment variable CAIRN_FFX_DIR is set, only the folder it names.
      */
     const char *ffx;
+    /**
+     * Path of the library of ONNX Runtime's WebGPU provider, UTF-8, for cairn_device_create_gpu. Null: beside ONNX Runtime's library. With
+     * CAIRN_DEVICE_ENVIRONMENT, if the environment variable CAIRN_WEBGPU is set, the file it names.
+     */
+    const char *webgpu;
 } cairn_device_options;
 
 /** Properties of a device. */
@@ -435,8 +440,8 @@ CAIRN_API cairn_result cairn_device_create_cpu(const cairn_device_options *optio
 
 /**
  * Creates a device on a graphics adapter, by ONNX Runtime's WebGPU provider: on Linux by Vulkan. Experimental: this function may change without a
- * new CAIRN_ABI_VERSION. The provider's library, of the PyPI package onnxruntime-ep-webgpu 0.4.0, must be beside ONNX Runtime's:
- * libonnxruntime_providers_webgpu.so, on Windows onnxruntime_providers_webgpu.dll. Worlds are float16 where the adapter has it.
+ * new CAIRN_ABI_VERSION. The provider's library is of the PyPI package onnxruntime-ep-webgpu 0.4.0: libonnxruntime_providers_webgpu.so, on Windows
+ * onnxruntime_providers_webgpu.dll. Worlds are float16 where the adapter has it.
  *
  * adapter: a part of the adapter's name in any case, its vendor such as "0x1002", or its number among those that Vulkan lists, UTF-8. An adapter
  * that the processor emulates is used only if it is named so. Null for the fastest; on Windows it must be null. All such devices of a process

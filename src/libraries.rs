@@ -10,6 +10,8 @@ pub struct LibrarySearch {
     pub onnxruntime: Option<PathBuf>,
     /// Folder of AMD's libraries; `None` searches for them.
     pub ffx: Option<PathBuf>,
+    /// Path of the library of ONNX Runtime's WebGPU provider; `None`: beside ONNX Runtime's library.
+    pub webgpu: Option<PathBuf>,
     /// Whether environment variables and the user's cache may name libraries too.
     pub environment: bool,
 }

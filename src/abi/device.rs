@@ -64,8 +64,11 @@ pub struct cairn_device_options {
     /// Folder of AMD's libraries for FSR, UTF-8, for presenters and swap chains on a Direct3D 12 device. Null: beside this library, else
     /// beside the program. With CAIRN_DEVICE_ENVIRONMENT, if the environment variable CAIRN_FFX_DIR is set, only the folder it names.
     pub ffx: *const c_char,
+    /// Path of the library of ONNX Runtime's WebGPU provider, UTF-8, for cairn_device_create_gpu. Null: beside ONNX Runtime's library. With
+    /// CAIRN_DEVICE_ENVIRONMENT, if the environment variable CAIRN_WEBGPU is set, the file it names.
+    pub webgpu: *const c_char,
 }
-describe!(cairn_device_options, [], { struct_size, threads, flags, reserved, onnxruntime, ffx });
+describe!(cairn_device_options, [32], { struct_size, threads, flags, reserved, onnxruntime, ffx, webgpu });
 
 /// Properties of a device.
 #[repr(C)]
@@ -119,8 +122,8 @@ pub unsafe extern "C" fn cairn_device_create_cpu(
 }
 
 /// Creates a device on a graphics adapter, by ONNX Runtime's WebGPU provider: on Linux by Vulkan. Experimental: this function may change without a
-/// new CAIRN_ABI_VERSION. The provider's library, of the PyPI package onnxruntime-ep-webgpu 0.4.0, must be beside ONNX Runtime's:
-/// libonnxruntime_providers_webgpu.so, on Windows onnxruntime_providers_webgpu.dll. Worlds are float16 where the adapter has it.
+/// new CAIRN_ABI_VERSION. The provider's library is of the PyPI package onnxruntime-ep-webgpu 0.4.0: libonnxruntime_providers_webgpu.so, on Windows
+/// onnxruntime_providers_webgpu.dll. Worlds are float16 where the adapter has it.
 ///
 /// adapter: a part of the adapter's name in any case, its vendor such as "0x1002", or its number among those that Vulkan lists, UTF-8. An adapter
 /// that the processor emulates is used only if it is named so. Null for the fastest; on Windows it must be null. All such devices of a process
@@ -230,6 +233,8 @@ impl DeviceOptions {
         let onnxruntime = unsafe { optional_text(options.onnxruntime, "options.onnxruntime") }?;
         // SAFETY: as above.
         let ffx = unsafe { optional_text(options.ffx, "options.ffx") }?;
+        // SAFETY: as above.
+        let webgpu = unsafe { optional_text(options.webgpu, "options.webgpu") }?;
         let cpu = CpuOptions {
             threads: Some(options.threads as usize).filter(|threads| *threads > 0),
             deterministic: options.flags & CAIRN_DEVICE_DETERMINISTIC != 0,
@@ -240,6 +245,7 @@ impl DeviceOptions {
             libraries: LibrarySearch {
                 onnxruntime: onnxruntime.map(PathBuf::from),
                 ffx: ffx.map(PathBuf::from),
+                webgpu: webgpu.map(PathBuf::from),
                 environment: options.flags & CAIRN_DEVICE_ENVIRONMENT != 0,
             },
         })
@@ -248,8 +254,8 @@ impl DeviceOptions {
     /// A graphics adapter, by the WebGPU provider.
     fn on_gpu(self, adapter: Option<String>) -> crate::Result<Device> {
         let ort = Ort::find(&self.libraries)?;
-        let options = WebGpuOptions { deterministic: self.cpu.deterministic, adapter };
-        Ok(Device::webgpu(&ort, &options)?.with_library_search(self.libraries))
+        let options = WebGpuOptions { deterministic: self.cpu.deterministic, adapter, libraries: self.libraries };
+        Device::webgpu(&ort, &options)
     }
 
     /// A CPU device, and the ONNX Runtime it uses.

@@ -115,16 +115,17 @@ impl Device {
     }
 
     /// A graphics adapter, through ONNX Runtime's WebGPU provider: by Vulkan on Linux. It needs the plugin's library,
-    /// `libonnxruntime_providers_webgpu.so`, beside ONNX Runtime's own.
+    /// `libonnxruntime_providers_webgpu.so`.
     ///
     /// All WebGPU devices of a process share one adapter, and their work takes turns. Worlds are float16 where the adapter has it.
     ///
     /// # Errors
-    /// `RuntimeMissing` when the plugin is not beside ONNX Runtime or does not fit it; `InvalidArgument` when no adapter has the given name;
+    /// `RuntimeMissing` when the plugin is not there or does not fit ONNX Runtime; `InvalidArgument` when no adapter has the given name;
     /// `Unsupported` when there is no adapter, only one that the processor emulates and that was not named, or another one in use by the
     /// process; `Device` when the adapter does not work.
     pub fn webgpu(ort: &Ort, options: &super::WebGpuOptions) -> Result<Device> {
-        Ok(Self::of(Arc::new(super::webgpu::WebGpuBackend::new(ort, options)?)))
+        let device = Self::of(Arc::new(super::webgpu::WebGpuBackend::new(ort, options)?));
+        Ok(device.with_library_search(options.libraries.clone()))
     }
 
     fn of(backend: Arc<dyn Backend>) -> Self {

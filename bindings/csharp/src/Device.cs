@@ -146,6 +146,12 @@ namespace Cairn
         /// variable CAIRN_FFX_DIR is set, only the folder that it names.
         /// </summary>
         public string Ffx { get; set; }
+
+        /// <summary>
+        /// Path of the library of ONNX Runtime's WebGPU provider, for <see cref="Device.Gpu"/>. Null: beside ONNX Runtime's; with
+        /// <see cref="Environment"/>, if the variable CAIRN_WEBGPU is set, the file that it names.
+        /// </summary>
+        public string WebGpu { get; set; }
     }
 
     /// <summary>Properties of a device.</summary>
@@ -286,8 +292,10 @@ namespace Cairn
             fixed (byte* name = Text.Encode(adapter, nameof(adapter)))
             fixed (byte* onnxruntime = Text.Encode(options.OnnxRuntime, nameof(options)))
             fixed (byte* ffx = Text.Encode(options.Ffx, nameof(options)))
+            fixed (byte* webgpu = Text.Encode(options.WebGpu, nameof(options)))
             {
                 Native.device_options native = Of(options, onnxruntime, ffx);
+                native.webgpu = webgpu;
                 IntPtr device = IntPtr.Zero;
                 return new Device(CheckCreated(Library.C.device_create_gpu(name, &native, &device), ref device));
             }

@@ -155,6 +155,7 @@ namespace Cairn
             internal uint reserved;
             internal byte* onnxruntime;
             internal byte* ffx;
+            internal byte* webgpu;
         }
 
         [StructLayout(LayoutKind.Sequential)]

@@ -164,7 +164,7 @@ class Sized(Structure):
 
 
 class DeviceOptions(Sized):
-    _fields_ = [*_each(c_uint32, "struct_size threads flags reserved"), *_each(c_char_p, "onnxruntime ffx")]
+    _fields_ = [*_each(c_uint32, "struct_size threads flags reserved"), *_each(c_char_p, "onnxruntime ffx webgpu")]
 
 
 class DeviceInfo(Sized):

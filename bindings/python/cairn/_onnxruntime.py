@@ -47,6 +47,25 @@ def library_path(named: str | os.PathLike[str] | None) -> bytes | None:
     return encoded(named, "onnxruntime")
 
 
+def webgpu_path(named: str | os.PathLike[str] | None) -> bytes | None:
+    """The path of the WebGPU provider that is passed to the library: the caller's, else none if the environment names a file, else the one in the
+    installed package `onnxruntime-ep-webgpu`, else none, and the library looks beside ONNX Runtime.
+    """
+    if named is None and not os.environ.get("CAIRN_WEBGPU"):
+        named = _webgpu_in_package()
+    return encoded(named, "webgpu")
+
+
+def _webgpu_in_package() -> Path | None:
+    try:
+        spec = importlib.util.find_spec("onnxruntime_ep_webgpu")
+    except (ImportError, ValueError):
+        return None
+    folders = spec.submodule_search_locations if spec is not None else None
+    found = [path for folder in folders or [] for path in Path(folder).glob("*onnxruntime_providers_webgpu.*") if path.is_file()]
+    return min(found, default=None)
+
+
 @contextmanager
 def with_hints() -> Iterator[None]:
     """Adds hints for Python to the error of a missing runtime."""

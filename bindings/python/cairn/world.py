@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable
 from ctypes import POINTER, byref, c_uint32, sizeof
@@ -12,7 +13,7 @@ from . import _interface as c
 from . import _onnxruntime
 from ._handles import Object, field_values
 from ._library import call, encoded, make, read_text
-from .errors import Cancelled, refuse
+from .errors import Cancelled, DeviceError, RuntimeMissing, Unsupported, refuse
 
 if TYPE_CHECKING:
     from .rollout import Rollout
@@ -140,10 +141,12 @@ class Device(Object):
         *,
         deterministic: bool = False,
         onnxruntime: str | os.PathLike[str] | None = None,
+        webgpu: str | os.PathLike[str] | None = None,
     ) -> Self:
         """Creates a device on a graphics adapter, by ONNX Runtime's WebGPU provider. Experimental.
 
-        The provider's library, of the package `onnxruntime-ep-webgpu`, must be beside ONNX Runtime's. `adapter` is a part of its name, its vendor
+        `webgpu` is the path of the provider's library; None is the one in the environment variable CAIRN_WEBGPU, else the one in the installed
+        package `onnxruntime-ep-webgpu` (`pip install cairn[gpu]`), else the one beside ONNX Runtime's. `adapter` is a part of its name, its vendor
         such as "0x1002", or its number among those that Vulkan lists; None is the fastest. An adapter that the processor emulates is used only if
         it is named. The other arguments are those of `cpu`.
 
@@ -151,10 +154,24 @@ class Device(Object):
         already uses another one; `InvalidArgument`; `DeviceError` if the adapter does not work.
         """
         flags = c.DEVICE_ENVIRONMENT | (c.DEVICE_DETERMINISTIC if deterministic else 0)
-        options = c.DeviceOptions(flags=flags, onnxruntime=_onnxruntime.library_path(onnxruntime))
+        options = c.DeviceOptions(
+            flags=flags, onnxruntime=_onnxruntime.library_path(onnxruntime), webgpu=_onnxruntime.webgpu_path(webgpu)
+        )
         name = None if adapter is None else adapter.encode()
         with _onnxruntime.with_hints():
             return cls(make("device_create_gpu", name, byref(options)))
+
+    @classmethod
+    def auto(cls, *, onnxruntime: str | os.PathLike[str] | None = None, webgpu: str | os.PathLike[str] | None = None) -> Self:
+        """Creates a device on the fastest graphics adapter, else on the processor; the logger `cairn` has the reason as INFO.
+
+        Arguments and errors are those of `gpu` and `cpu`.
+        """
+        try:
+            return cls.gpu(onnxruntime=onnxruntime, webgpu=webgpu)
+        except (RuntimeMissing, Unsupported, DeviceError) as why:
+            logging.getLogger("cairn").info("the processor runs worlds, and no graphics adapter: %s", why)
+        return cls.cpu(onnxruntime=onnxruntime)
 
     def _info(self) -> c.DeviceInfo:
         return self._fill("device_get_info", c.DeviceInfo)

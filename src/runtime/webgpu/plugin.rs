@@ -18,11 +18,13 @@ use crate::locks::Mutex;
 #[cfg(target_os = "linux")]
 use crate::runtime::DeviceMemory;
 use crate::runtime::Ort;
-use crate::{Error, ErrorKind, Result};
+use crate::{Error, ErrorKind, LibrarySearch, Result};
 
 /// The plugin's file, beside ONNX Runtime's.
 const FILE: &str =
     if cfg!(windows) { "onnxruntime_providers_webgpu.dll" } else { "libonnxruntime_providers_webgpu.so" };
+/// Names the plugin's file, if the environment may name libraries.
+const VARIABLE: &str = "CAIRN_WEBGPU";
 /// The provider's name in ONNX Runtime.
 const PROVIDER: &str = "WebGpuExecutionProvider";
 /// The session option with which a session can tell which provider runs each node.
@@ -45,6 +47,9 @@ pub struct WebGpuOptions {
     ///
     /// On systems other than Linux only `None` is allowed.
     pub adapter: Option<String>,
+    /// Where the provider's library is: the file that [`LibrarySearch::webgpu`] names, the one in the environment variable `CAIRN_WEBGPU` if the
+    /// environment may name libraries, else the one beside ONNX Runtime's own. The first device of a process decides.
+    pub libraries: LibrarySearch,
 }
 
 /// The registered plugin, and the adapter.
@@ -68,7 +73,7 @@ unsafe impl Sync for Plugin {}
 impl Plugin {
     /// Registers the plugin that lies beside ONNX Runtime, and chooses an adapter.
     pub(super) fn load(ort: &Ort, options: &super::WebGpuOptions) -> Result<Self> {
-        register(ort)?;
+        register(ort, &options.libraries)?;
         let adapter = Chosen::new(options.adapter.as_deref())?;
         fix_adapter(&adapter.name)?;
         let mut devices = ort.environment().devices().filter(|device| device.ep().is_ok_and(|name| name == PROVIDER));
@@ -174,12 +179,13 @@ fn fix_adapter(name: &str) -> Result<()> {
 }
 
 /// Registers the plugin once.
-fn register(ort: &Ort) -> Result<()> {
+fn register(ort: &Ort, search: &LibrarySearch) -> Result<()> {
     let mut is_registered = IS_REGISTERED.lock();
     if *is_registered {
         return Ok(());
     }
-    let path = ort.path().with_file_name(FILE);
+    let named = search.webgpu.clone().or_else(|| search.variable(VARIABLE));
+    let path = named.unwrap_or_else(|| ort.path().with_file_name(FILE));
     if !path.is_file() {
         return Err(missing(&path, "is not there"));
     }
@@ -194,7 +200,7 @@ fn missing(path: &Path, why: &str) -> Error {
         .field(path.display().to_string())
         .remedy(format!(
             "Put {FILE} of the PyPI package onnxruntime-ep-webgpu 0.4.0 beside ONNX Runtime's own library \
-             (`cargo xtask setup` fetches both), or use a CPU device"
+             (`cargo xtask setup --all` fetches both), name it in the device's options, or use a CPU device"
         ))
 }
 

@@ -95,7 +95,12 @@ impl DeviceName {
             #[cfg(target_os = "linux")]
             Self::Webgpu => {
                 let adapter = Some("llvmpipe".to_owned());
-                Ok(Device::webgpu(&ort, &cairn::runtime::WebGpuOptions { deterministic: true, adapter })?)
+                let options = cairn::runtime::WebGpuOptions {
+                    deterministic: true,
+                    adapter,
+                    libraries: LibrarySearch::for_tools(),
+                };
+                Ok(Device::webgpu(&ort, &options)?)
             }
         }
     }

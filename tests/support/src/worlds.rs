@@ -49,7 +49,7 @@ pub fn device() -> Device {
 /// The adapter that the lab's driver emulates, or the one that `CAIRN_TEST_ADAPTER` names, by the WebGPU provider.
 pub fn webgpu() -> Device {
     let adapter = std::env::var("CAIRN_TEST_ADAPTER").unwrap_or_else(|_| "llvmpipe".to_owned());
-    let options = WebGpuOptions { deterministic: true, adapter: Some(adapter) };
+    let options = WebGpuOptions { deterministic: true, adapter: Some(adapter), ..WebGpuOptions::default() };
     Device::webgpu(&ort(), &options).expect("an adapter, and the plugin beside ONNX Runtime")
 }
 

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use cairn::bundle::{Bundle, Precision};
 use cairn::runtime::{CpuOptions, Device, Ort, WebGpuOptions};
 use cairn::world::{World, WorldOptions};
-use cairn::{Error, ErrorKind, Result};
+use cairn::{Error, ErrorKind, LibrarySearch, Result};
 use serde::{Deserialize, Serialize};
 
 /// The requested device or, in a manifest, the device used.
@@ -129,7 +129,8 @@ pub(crate) fn load(
     };
     let on_webgpu = |number: Option<u32>| {
         let adapter = number.map(|number| number.to_string());
-        let device = Device::webgpu(ort, &WebGpuOptions { deterministic: true, adapter })?;
+        let options = WebGpuOptions { deterministic: true, adapter, libraries: LibrarySearch::for_tools() };
+        let device = Device::webgpu(ort, &options)?;
         graphics(&device, DeviceChoice::WebGpu(number))
     };
     let on_cpu = || {
