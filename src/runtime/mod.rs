@@ -19,6 +19,7 @@ mod library_search;
 #[cfg(windows)]
 mod module;
 mod pin;
+mod self_test;
 mod stoppable;
 mod webgpu;
 
