@@ -129,7 +129,7 @@ impl Device {
         Ok(Self::of(Arc::new(super::webgpu::WebGpuBackend::new(ort, options)?)))
     }
 
-    fn of(backend: Arc<dyn Backend>) -> Self {
+    pub(super) fn of(backend: Arc<dyn Backend>) -> Self {
         Self { backend, libraries: Arc::default() }
     }
 

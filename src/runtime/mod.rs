@@ -12,6 +12,8 @@ mod device;
 mod directml;
 mod execution_context;
 mod failure;
+#[cfg(test)]
+pub(crate) mod fake;
 mod finite;
 mod graph;
 mod library;
