@@ -50,6 +50,7 @@ namespace Cairn
         internal const int MAX_THREADS = 1024;
         internal const int DEVICE_CPU = 1;
         internal const int DEVICE_D3D12 = 2;
+        internal const int DEVICE_WEBGPU = 3;
         internal const int PRECISION_F32 = 1;
         internal const int PRECISION_F16 = 2;
         internal const int DEVICE_DETERMINISTIC = 1;
