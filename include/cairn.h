@@ -385,9 +385,10 @@ typedef struct cairn_device_options {
     /** 0 */
     uint32_t reserved;
     /**
-     * Path of the library file of ONNX Runtime 1.24.x, UTF-8; on Windows, DirectML.dll must be beside it. Null: searches beside this
-     * library, then beside the program. With CAIRN_DEVICE_ENVIRONMENT, searches the user's cache directory last; if the environment
-     * variable CAIRN_ONNXRUNTIME is set, uses the file it names instead of searching. A process uses one file only.
+     * Path of the library file of ONNX Runtime 1.24 or newer (tested: 1.24.4 and 1.32.0), UTF-8. A process uses one file only. A host
+     * with a Direct3D 12 device needs onnxruntime.dll of onnxruntime-directml 1.24.4, with DirectML.dll beside it, which also runs CPU
+     * devices. Null: searches beside this library, then beside the program. With CAIRN_DEVICE_ENVIRONMENT, searches the user's cache
+     * directory last; if the environment variable CAIRN_ONNXRUNTIME is set, uses the file it names instead of searching.
      */
     const char *onnxruntime;
     /**
@@ -432,8 +433,8 @@ typedef struct cairn_device_info {
  * library, which it calls.
  * Threads: any thread, at any time. Takes a fraction of a second the first time.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_RUNTIME_MISSING when ONNX Runtime is
- * missing or has another version; CAIRN_ERROR_UNSUPPORTED when the process already uses another file of it; CAIRN_ERROR_DEVICE
- * when it does not start.
+ * missing, is too old, or computes a small graph wrongly; CAIRN_ERROR_UNSUPPORTED when the process already uses another file of it;
+ * CAIRN_ERROR_DEVICE when it does not start.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_device_create_cpu(const cairn_device_options *options, cairn_device **device);

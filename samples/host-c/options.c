@@ -21,7 +21,7 @@ const char options_help[] =
     "  --preset TEXT        how it runs, such as baseline-112 or stock,g64\n"
     "  --seed N             decides all noise; 0 without it\n"
     "  --threads N          threads of a pass; one for each physical core without it\n"
-    "  --onnxruntime FILE   the library of ONNX Runtime 1.24; without it, Cairn looks for one\n"
+    "  --onnxruntime FILE   the library of ONNX Runtime 1.24 or newer; without it, Cairn looks for one\n"
     "  --verbose            say what the library says\n"
     "  --help               this\n"
     "\n"

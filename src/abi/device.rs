@@ -57,9 +57,10 @@ pub struct cairn_device_options {
     pub flags: u32,
     /// 0
     pub reserved: u32,
-    /// Path of the library file of ONNX Runtime 1.24.x, UTF-8; on Windows, DirectML.dll must be beside it. Null: searches beside this
-    /// library, then beside the program. With CAIRN_DEVICE_ENVIRONMENT, searches the user's cache directory last; if the environment
-    /// variable CAIRN_ONNXRUNTIME is set, uses the file it names instead of searching. A process uses one file only.
+    /// Path of the library file of ONNX Runtime 1.24 or newer (tested: 1.24.4 and 1.32.0), UTF-8. A process uses one file only. A host
+    /// with a Direct3D 12 device needs onnxruntime.dll of onnxruntime-directml 1.24.4, with DirectML.dll beside it, which also runs CPU
+    /// devices. Null: searches beside this library, then beside the program. With CAIRN_DEVICE_ENVIRONMENT, searches the user's cache
+    /// directory last; if the environment variable CAIRN_ONNXRUNTIME is set, uses the file it names instead of searching.
     pub onnxruntime: *const c_char,
     /// Folder of AMD's libraries for FSR, UTF-8, for presenters and swap chains on a Direct3D 12 device. Null: beside this library, else
     /// beside the program. With CAIRN_DEVICE_ENVIRONMENT, if the environment variable CAIRN_FFX_DIR is set, only the folder it names.
@@ -102,8 +103,8 @@ describe!(cairn_device_info, [144], {
 /// library, which it calls.
 /// Threads: any thread, at any time. Takes a fraction of a second the first time.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_RUNTIME_MISSING when ONNX Runtime is
-/// missing or has another version; CAIRN_ERROR_UNSUPPORTED when the process already uses another file of it; CAIRN_ERROR_DEVICE
-/// when it does not start.
+/// missing, is too old, or computes a small graph wrongly; CAIRN_ERROR_UNSUPPORTED when the process already uses another file of it;
+/// CAIRN_ERROR_DEVICE when it does not start.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_device_create_cpu(

@@ -160,7 +160,7 @@ pub(super) fn onnxruntime(loaded: crate::Result<Ort>) -> cairn_requirement {
         Ok(ort) => (CAIRN_REQUIREMENT_MET, format!("{} at {}", ort.version(), ort.path().display())),
         Err(error) => (CAIRN_REQUIREMENT_NOT_MET, error.to_string()),
     };
-    row(CAIRN_REQUIREMENT_ONNXRUNTIME, status, "ONNX Runtime 1.24.x", &found)
+    row(CAIRN_REQUIREMENT_ONNXRUNTIME, status, "ONNX Runtime 1.24 or newer (tested: 1.24.4 and 1.32.0)", &found)
 }
 
 /// The requirement of system memory.

@@ -104,11 +104,14 @@ impl Device {
         Ok(Self::of(Arc::new(CpuBackend::new(ort, options)?)))
     }
 
-    /// A Direct3D 12 device, through ONNX Runtime's DirectML provider: a world's passes run on its queue for anchors.
+    /// A Direct3D 12 device, through ONNX Runtime's DirectML provider: a world's passes run on its queue for anchors. The
+    /// build of ONNX Runtime must have this provider, as version 1.24.4 of the PyPI package `onnxruntime-directml` has. A process uses
+    /// one file of ONNX Runtime, so a host that wants DirectML loads that one also for its CPU and WebGPU devices.
     ///
     /// # Errors
-    /// `RuntimeMissing` when the DirectML.dll that belongs to ONNX Runtime is not beside it; `Unsupported` when one
-    /// older than 1.15 is in the process already, or the adapter cannot do DirectML's feature level 5.0; `DeviceRemoved`.
+    /// `RuntimeMissing` when the DirectML.dll that belongs to ONNX Runtime is not beside it; `Unsupported` when ONNX Runtime is a build
+    /// without DirectML, one older than 1.15 is in the process already, or the adapter cannot do DirectML's feature level 5.0;
+    /// `DeviceRemoved`.
     #[cfg(windows)]
     pub fn directml(ort: &Ort, gpu: &crate::gpu::Gpu, options: super::DirectMlOptions) -> Result<Device> {
         Ok(Self::of(Arc::new(super::directml::DirectMlBackend::new(ort, gpu, options)?)))
@@ -128,7 +131,7 @@ impl Device {
         Ok(device.with_library_search(options.libraries.clone()))
     }
 
-    fn of(backend: Arc<dyn Backend>) -> Self {
+    pub(super) fn of(backend: Arc<dyn Backend>) -> Self {
         Self { backend, libraries: Arc::default() }
     }
 

@@ -9,16 +9,31 @@ use crate::locks::Mutex;
 use super::failure::ort_failure;
 use super::library_search;
 use super::pin::pin_this_library;
+use super::self_test;
 use crate::libraries::canonical;
 use crate::{Error, ErrorKind, LibrarySearch, Result};
 
-/// The release series that this build supports, as ONNX Runtime writes it.
-const SERIES: &str = "1.24.";
+/// The oldest release that offers the interface version of this build, as its major and minor version. Later releases offer it, too.
+const OLDEST: (u32, u32) = (1, ort::sys::ORT_API_VERSION);
 
-/// ONNX Runtime allows one environment per process, so the first library that loads stays.
-static LOADED: Mutex<Option<Ort>> = Mutex::new(None);
+/// The versions that worlds are tested with, the newest last.
+const TESTED: [&str; 2] = ["1.24.4", "1.32.0"];
 
-/// A loaded ONNX Runtime 1.24.x. Cheap to clone; every clone is the same library.
+/// The file that this process uses. ONNX Runtime allows one environment per process, so the first file that is started stays, also if it
+/// fails after that.
+static STARTED: Mutex<Option<Started>> = Mutex::new(None);
+
+/// A library that was started. Calls that failed are repeated when the same file is loaded again.
+struct Started {
+    path: PathBuf,
+    version: String,
+    /// Present once its environment has started.
+    ort: Option<Ort>,
+    /// Whether it has passed the self-test.
+    is_tested: bool,
+}
+
+/// A loaded ONNX Runtime 1.24 or newer. Cheap to clone; every clone is the same library.
 ///
 /// Threads: may be used from any thread at any time.
 #[derive(Clone)]
@@ -31,48 +46,37 @@ struct Inner {
 }
 
 impl Ort {
-    /// Loads the library at `path` and starts its environment. Loading the same file again gives the same [`Ort`].
+    /// Loads the library at `path`, starts its environment and runs a small graph, whose result must be right. Loading the same file
+    /// again gives the same [`Ort`].
+    ///
+    /// Versions 1.24.4 and 1.32.0 are tested. Another one from 1.24 on is used if it offers the interface of 1.24 and passes the
+    /// self-test; one newer than 1.32 also logs a warning.
     ///
     /// # Errors
-    /// `RuntimeMissing` when the file does not exist, is not ONNX Runtime, or its version is not 1.24.x; `Unsupported` when this
-    /// process already uses another ONNX Runtime file; `Device` when its environment does not start.
+    /// `RuntimeMissing` when the file does not exist, is not ONNX Runtime, is older than 1.24, does not offer its interface, or fails the
+    /// self-test; `Unsupported` when this process already uses another ONNX Runtime file, also if that one failed to start; `Device`
+    /// when its environment does not start; `OutOfMemory`.
     pub fn load(path: &Path) -> Result<Ort> {
         let path = canonical(path).map_err(|e| missing(path, &format!("cannot be opened: {e}")))?;
-        let mut loaded = LOADED.lock();
-        if let Some(ort) = loaded.as_ref() {
-            return if ort.0.path == path {
-                Ok(ort.clone())
-            } else {
-                Err(Error::new(
-                    ErrorKind::Unsupported,
-                    format!("this process already uses the ONNX Runtime at {}", ort.0.path.display()),
-                )
-                .field(path.display().to_string())
-                .remedy("Use one ONNX Runtime file in one process"))
-            };
+        let mut held = STARTED.lock();
+        if let Some(started) = held.as_ref().filter(|started| started.path != path) {
+            return Err(Error::new(
+                ErrorKind::Unsupported,
+                format!("this process already uses the ONNX Runtime at {}", started.path.display()),
+            )
+            .field(path.display().to_string())
+            .remedy("Use one ONNX Runtime file in one process"));
         }
-        report_others(&path);
-        let CheckedLibrary { version, library } = CheckedLibrary::open(&path)?;
-        let builder = ort::init_from(&path).map_err(|e| missing(&path, &e.to_string()))?;
-        let environment = builder
-            .with_name("cairn")
-            .with_telemetry(false)
-            .with_logger(Arc::new(forward_log))
-            .build()
-            .map_err(|e| ort_failure("start its environment", &e))?;
-        // With a logger, the environment starts at the most verbose level.
-        environment.set_log_level(ort::logging::LogLevel::Warning);
-        // ONNX Runtime must never be unloaded, because sessions run its code. Nor must this library, because the environment calls
-        // its logger.
-        std::mem::forget(library);
-        pin_this_library();
-        let ort = Ort(Arc::new(Inner { path, version, environment }));
-        *loaded = Some(ort.clone());
-        Ok(ort)
+        let started = match &mut *held {
+            Some(started) => started,
+            none => none.insert(Started::open(path)?),
+        };
+        started.ready()
     }
 
     /// Finds ONNX Runtime and loads it. If `search` names a file, only that one is tried. Else the first existing file is used:
-    /// beside this library, then beside the program. If the environment may name libraries, the file that the variable
+    /// beside this library, then beside the program. In a folder on Linux this is the file of the highest version from 1.24 on, such as
+    /// `libonnxruntime.so.1.24.4`, else `libonnxruntime.so.1`, else `libonnxruntime.so`. If the environment may name libraries, the file that the variable
     /// `CAIRN_ONNXRUNTIME` names replaces both, and `<cache>/cairn/onnxruntime-1.24.4/` is searched after them, where `<cache>` is
     /// `$CAIRN_CACHE_DIR`, else `$XDG_CACHE_HOME` or `~/.cache` (on Windows `%LOCALAPPDATA%`). The system's library path is never
     /// searched: it often holds a library of another version.
@@ -120,6 +124,55 @@ impl std::fmt::Debug for Ort {
     }
 }
 
+impl Started {
+    /// Checks the library and gives it to the `ort` crate, which keeps it until the process ends.
+    fn open(path: PathBuf) -> Result<Self> {
+        report_others(&path);
+        let CheckedLibrary { version, library } = CheckedLibrary::open(&path)?;
+        if is_newer_than_tested(&version) {
+            let path = path.display();
+            log::warn!(
+                "ONNX Runtime {version} at {path} is newer than the versions that are tested: {}",
+                TESTED.join(", ")
+            );
+        }
+        drop(ort::init_from(&path).map_err(|e| missing(&path, &e.to_string()))?);
+        // ONNX Runtime must never be unloaded, because sessions run its code.
+        std::mem::forget(library);
+        Ok(Self { path, version, ort: None, is_tested: false })
+    }
+
+    /// The library once its environment has started and it has passed the self-test.
+    fn ready(&mut self) -> Result<Ort> {
+        let ort = match &self.ort {
+            Some(ort) => ort.clone(),
+            None => self.ort.insert(self.start()?).clone(),
+        };
+        if !self.is_tested {
+            self_test::run_on_cpu(&ort).map_err(|failure| match failure.kind() {
+                ErrorKind::OutOfMemory => failure,
+                _ => missing(&self.path, &format!("{} fails its self-test: {}", self.version, failure.cause())),
+            })?;
+            self.is_tested = true;
+        }
+        Ok(ort)
+    }
+
+    fn start(&self) -> Result<Ort> {
+        let environment = ort::init()
+            .with_name("cairn")
+            .with_telemetry(false)
+            .with_logger(Arc::new(forward_log))
+            .build()
+            .map_err(|e| ort_failure("start its environment", &e))?;
+        // With a logger, the environment starts at the most verbose level.
+        environment.set_log_level(ort::logging::LogLevel::Warning);
+        // This library must never be unloaded either, because the environment calls its logger.
+        pin_this_library();
+        Ok(Ort(Arc::new(Inner { path: self.path.clone(), version: self.version.clone(), environment })))
+    }
+}
+
 const REMEDY: &str = "Put the library file of ONNX Runtime 1.24.4 (`cargo xtask setup` fetches it; on Windows with its DirectML.dll) \
                       beside this library, name it in the device's options, or, where the host lets the environment name \
                       libraries, in CAIRN_ONNXRUNTIME";
@@ -158,11 +211,8 @@ impl CheckedLibrary {
         }
         // SAFETY: not null, NUL-terminated and static by ONNX Runtime's contract.
         let version = unsafe { CStr::from_ptr(version) }.to_string_lossy().into_owned();
-        if !version.starts_with(SERIES) {
-            return Err(missing(
-                path,
-                &format!("{version} is {} than the {SERIES}x this build is made for", age(&version)),
-            ));
+        if let Some(why) = refusal(&version) {
+            return Err(missing(path, &format!("{version} {why}")));
         }
         // SAFETY: any version may be requested; an unknown one gives null.
         if unsafe { (base.GetApi)(ort::sys::ORT_API_VERSION) }.is_null() {
@@ -221,15 +271,26 @@ fn system_copy() -> Option<String> {
     None
 }
 
-/// Compares a version outside the series with it: `older`, `newer` or, if it cannot be parsed, `other`.
-fn age(version: &str) -> &'static str {
-    let part = |text: &str, i: usize| text.split('.').nth(i).and_then(|p| p.parse::<u32>().ok());
-    let pair = |text: &str| part(text, 0).zip(part(text, 1));
-    match (pair(version), pair(SERIES)) {
-        (Some(found), Some(wanted)) if found < wanted => "older",
-        (Some(found), Some(wanted)) if found > wanted => "newer",
-        _ => "other",
+/// The major and minor version in a version such as `1.24.4`.
+fn release(version: &str) -> Option<(u32, u32)> {
+    let mut parts = version.split('.').map(|part| part.parse().ok());
+    parts.next().flatten().zip(parts.next().flatten())
+}
+
+/// Why a version cannot be used; `None` if it can, provided that it offers the interface.
+fn refusal(version: &str) -> Option<String> {
+    let (major, minor) = OLDEST;
+    match release(version) {
+        Some(found) if found < OLDEST => {
+            Some(format!("is older than {major}.{minor}, the oldest that this build works with"))
+        }
+        Some((found, _)) if found == major => None,
+        _ => Some(format!("is unknown to this build, which works with {major}.{minor} and newer versions of {major}")),
     }
+}
+
+fn is_newer_than_tested(version: &str) -> bool {
+    release(version) > TESTED.iter().filter_map(|tested| release(tested)).max()
 }
 
 fn forward_log(level: ort::logging::LogLevel, category: &str, _id: &str, location: &str, message: &str) {
@@ -249,10 +310,22 @@ mod tests {
 
     #[test]
     fn versions_are_compared_by_number() {
-        assert_eq!(age("1.9.0"), "older");
-        assert_eq!(age("0.99.1"), "older");
-        assert_eq!(age("1.25.0"), "newer");
-        assert_eq!(age("2.0.0"), "newer");
-        assert_eq!(age("nonsense"), "other");
+        for old in ["1.9.0", "0.99.1", "1.23.2"] {
+            assert!(refusal(old).unwrap().contains("older than 1.24"), "{old}");
+        }
+        for unknown in ["2.0.0", "nightly", "1", "1.x", ""] {
+            assert!(refusal(unknown).unwrap().contains("unknown to this build"), "{unknown}");
+        }
+        for usable in ["1.24.0", "1.24.4", "1.25.0", "1.32.0", "1.33.0-dev", "1.100.0"] {
+            assert_eq!(refusal(usable), None, "{usable}");
+        }
+        assert!(!is_newer_than_tested("1.24.4") && !is_newer_than_tested("1.31.1") && !is_newer_than_tested("1.32.9"));
+        assert!(is_newer_than_tested("1.33.0") && is_newer_than_tested("1.100.0"));
+    }
+
+    #[test]
+    fn the_tested_versions_are_those_of_the_tests() {
+        assert_eq!(TESTED, [provision::ONNXRUNTIME_VERSION, provision::NEWEST_ONNXRUNTIME_VERSION]);
+        assert_eq!(release(TESTED[0]), Some(OLDEST));
     }
 }

@@ -12,6 +12,8 @@ mod device;
 mod directml;
 mod execution_context;
 mod failure;
+#[cfg(test)]
+pub(crate) mod fake;
 mod finite;
 mod graph;
 mod library;
@@ -19,6 +21,7 @@ mod library_search;
 #[cfg(windows)]
 mod module;
 mod pin;
+mod self_test;
 mod stoppable;
 mod webgpu;
 

@@ -29,7 +29,7 @@ pub(super) fn explain(error: Error, manifest: &Manifest, device: &str) -> Error 
     )
     .field("quantisation")
     .remedy(format!(
-        "Load the bundle with 16-bit weights that this one was made from{origin}; or use ONNX Runtime 1.24"
+        "Load the bundle with 16-bit weights that this one was made from{origin}; or use ONNX Runtime 1.24.4"
     ))
 }
 

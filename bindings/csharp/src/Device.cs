@@ -136,7 +136,8 @@ namespace Cairn
         public bool Environment { get; set; }
 
         /// <summary>
-        /// Path of ONNX Runtime 1.24. Null: the first one beside Cairn's library or beside the program; with <see cref="Environment"/> also
+        /// Path of ONNX Runtime 1.24 or newer (tested: 1.24.4 and 1.32.0); a Direct3D 12 device needs the build with DirectML, 1.24.4.
+        /// Null: the first one beside Cairn's library or beside the program; with <see cref="Environment"/> also
         /// in the user's cache directory, or if the variable CAIRN_ONNXRUNTIME is set, only the file that it names.
         /// </summary>
         public string OnnxRuntime { get; set; }
@@ -258,7 +259,7 @@ namespace Cairn
         /// <summary>Makes a device from this machine's processor; loads ONNX Runtime.</summary>
         /// <param name="options">Settings; null for the defaults.</param>
         /// <exception cref="CairnException">
-        /// <see cref="Result.RuntimeMissing"/> if ONNX Runtime is missing or has another version; <see cref="Result.Unsupported"/> if the
+        /// <see cref="Result.RuntimeMissing"/> if ONNX Runtime is missing, too old or faulty; <see cref="Result.Unsupported"/> if the
         /// process already uses another file of it; <see cref="Result.InvalidArgument"/>; <see cref="Result.Device"/>.
         /// </exception>
         public static Device Cpu(DeviceOptions options = null)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import os
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,19 +24,35 @@ REQUIREMENT = f"{PACKAGE}==1.24.4"
 
 REMEDY = f"In Python, `python -m pip install {REQUIREMENT}` is enough"
 
-# File names of the releases that this package's library can use. On Windows the name has no version.
-_FILES = {"win32": "onnxruntime.dll", "darwin": "libonnxruntime.1.24.*.dylib"}.get(sys.platform, "libonnxruntime.so.1.24.*")
+OLDEST = (1, 24)
+"""The oldest version that Cairn works with."""
+
+# The library's file name with its version, by system. The name on Windows has no version.
+_FILES = {
+    "win32": r"onnxruntime\.dll",
+    "darwin": r"libonnxruntime\.(\d+\.\d+\.\d+)\.dylib",
+    "linux": r"libonnxruntime\.so\.(\d+\.\d+\.\d+)",
+}
 
 
 def in_package() -> Path | None:
-    """The library file in the installed package, which is not imported. `None` if the package is missing or of another release."""
+    """The library file in the installed package, which is not imported. `None` if the package is missing or too old."""
     try:
         spec = importlib.util.find_spec("onnxruntime")
     except (ImportError, ValueError):
         return None
     folders = spec.submodule_search_locations if spec is not None else None
-    found = [path for folder in folders or [] for path in Path(folder, "capi").glob(_FILES) if path.is_file()]
-    return max(found, key=lambda path: (len(path.name), path.name), default=None)
+    files = [path for folder in folders or [] for path in Path(folder, "capi").glob("*onnxruntime.*") if path.is_file()]
+    versions = {path: _file_version(path.name) for path in files}
+    return max((path for path in files if versions[path] >= OLDEST), key=lambda path: versions[path], default=None)
+
+
+def _file_version(name: str) -> tuple[int, ...]:
+    """The version in a library's file name; the oldest for a name without one; none for other files."""
+    match = re.fullmatch(_FILES.get(sys.platform, _FILES["linux"]), name)
+    if match is None:
+        return ()
+    return tuple(map(int, match[1].split("."))) if match.groups() else OLDEST
 
 
 def library_path(named: str | os.PathLike[str] | None) -> bytes | None:
@@ -86,8 +103,8 @@ def hints(cause: str) -> Iterator[str]:
             version = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
             continue
-        if not version.startswith("1.24."):
-            yield f"The package {name} that is installed is {version}, and Cairn needs 1.24"
+        if tuple(int(part) for part in version.split(".")[:2] if part.isdigit()) < OLDEST:
+            yield f"The package {name} that is installed is {version}, and Cairn needs 1.24 or newer"
         elif name != PACKAGE and sys.platform == "win32":
             yield f"The package {name} puts its files where those of {PACKAGE} belong: uninstall both, then install {PACKAGE} alone"
     if sys.platform == "win32" and "cannot be loaded" in cause:

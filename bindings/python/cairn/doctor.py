@@ -40,7 +40,7 @@ _WHY = {
 
 _REMEDIES = {
     "onnxruntime": f"Run `python -m pip install {_onnxruntime.REQUIREMENT}`, in which it is found by itself; or `cargo xtask setup` in a clone "
-    "of Cairn, which fetches it; or set CAIRN_ONNXRUNTIME to the library file of any ONNX Runtime 1.24",
+    "of Cairn, which fetches it; or set CAIRN_ONNXRUNTIME to the library file of ONNX Runtime 1.24 or newer",
     "fsr": "Put AMD's libraries, from Kits/FidelityFX/signedbin of its FidelityFX SDK, into one folder, and set CAIRN_FFX_DIR to it",
     "fsr-provider": "Use a newer release of AMD's libraries, a newer driver or another adapter",
     "fsr-system": "Use analytic, which Windows 10 is enough for, or Windows 11",

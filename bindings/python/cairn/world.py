@@ -121,10 +121,10 @@ class Device(Object):
 
         `threads` share one pass, 1 to 1024; 0 is one for each physical core. The last bits of a rollout depend on it. `deterministic` uses ONNX
         Runtime's deterministic kernels only. `onnxruntime` is the path of its library file; None is the one in the environment variable
-        CAIRN_ONNXRUNTIME, else the one in the installed package `onnxruntime` if that is 1.24, else the first beside this library or in the
+        CAIRN_ONNXRUNTIME, else the one in the installed package `onnxruntime` if that is 1.24 or newer, else the first beside this library or in the
         user's cache directory.
 
-        Raises `RuntimeMissing` if ONNX Runtime 1.24 is missing; `Unsupported` if this process already uses another file of it;
+        Raises `RuntimeMissing` if ONNX Runtime 1.24 or newer is missing or computes wrongly; `Unsupported` if this process already uses another file of it;
         `InvalidArgument`; `DeviceError` if it does not start.
         """
         if not 0 <= threads <= 1024:

@@ -13,7 +13,7 @@ pub(crate) enum ValueType {
     F16 = 10,
 }
 
-/// Version of the operators: the one that ONNX Runtime 1.24 has on every provider.
+/// Version of the operators: one that ONNX Runtime has from 1.24 on, on every provider.
 const OPSET: u64 = 21;
 /// Version of the file format that belongs to it.
 const IR_VERSION: u64 = 10;

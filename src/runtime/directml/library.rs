@@ -26,7 +26,7 @@ pub(super) struct DirectMlLibrary {
     path: PathBuf,
 }
 
-/// The oldest supported version: the release ONNX Runtime 1.24 is built against.
+/// The oldest supported version: the release that ONNX Runtime 1.24 with DirectML is built against.
 const OLDEST: LibraryVersion = LibraryVersion([1, 15, 0, 0]);
 
 /// Loads DirectML, or uses the one that is loaded.

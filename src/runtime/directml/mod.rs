@@ -94,6 +94,8 @@ unsafe impl Sync for DirectMlBackend {}
 
 impl DirectMlBackend {
     pub(super) fn new(ort: &Ort, gpu: &Gpu, options: DirectMlOptions) -> Result<Self> {
+        // Checked first: DirectML.dll is missing beside most builds without the provider, and adding it would not help.
+        provider().map_err(|_| no_provider(ort))?;
         let library = library::load(ort)?;
         let device = library.device(gpu)?;
         let name = gpu.adapter_name().unwrap_or_else(|| format!("adapter {:#x}", gpu.luid()));
@@ -130,8 +132,7 @@ impl DirectMlBackend {
         for &(name, size) in dimensions {
             builder = builder.with_dimension_override(name, i64::try_from(size).unwrap_or(i64::MAX))?;
         }
-        let api = ort::ep::directml::api()
-            .ok_or_else(|| ort::Error::new("this build of ONNX Runtime has no DirectML provider"))?;
+        let api = provider()?;
         let queue = self.gpu.anchors().d3d12();
         let append = api.SessionOptionsAppendExecutionProvider_DML1;
         // SAFETY: live options, device and queue; the provider takes references of its own.
@@ -216,6 +217,19 @@ impl Backend for DirectMlBackend {
     fn as_any(&self) -> &dyn std::any::Any {
         self
     }
+}
+
+/// The functions of ONNX Runtime's DirectML provider.
+fn provider() -> ort::Result<&'static ort::sys::OrtDmlApi> {
+    ort::ep::directml::api().ok_or_else(|| ort::Error::new("this build of ONNX Runtime has no DirectML provider"))
+}
+
+fn no_provider(ort: &Ort) -> Error {
+    let cause = format!("this build of ONNX Runtime, {}, has no DirectML provider", ort.version());
+    Error::new(ErrorKind::Unsupported, cause).field(ort.path().display().to_string()).remedy(
+        "A process uses one file of ONNX Runtime: start it with onnxruntime.dll of the PyPI package onnxruntime-directml 1.24.4 and \
+         its DirectML.dll, which also run worlds on the CPU and through the WebGPU plugin; or use a CPU device",
+    )
 }
 
 /// An `Unsupported` error with the advice to use a CPU device.

@@ -1,4 +1,4 @@
-//! Graphs that move and check values on the adapter, and the self-test.
+//! Graphs that move and check values on the adapter, and the adapter's run of the self-test.
 //!
 //! All values are words: 32-bit integers, because sums and copies of floats may change the bits of numbers that are not finite.
 
@@ -15,6 +15,7 @@ use crate::bundle::{ModelWriter, Precision, ValueType};
 use crate::runtime::aligned_buffer::AlignedBuffer;
 use crate::runtime::execution_context::Region;
 use crate::runtime::failure::make;
+use crate::runtime::self_test;
 
 /// One buffer's part of a move: rows of `row` words from one buffer to another.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -163,34 +164,17 @@ pub(super) fn is_finite(largest: i32, precision: Precision) -> bool {
     }
 }
 
-/// A model that adds an input to itself.
-pub(super) fn self_test(precision: Precision) -> Vec<u8> {
-    let mut model = ModelWriter::default();
-    let element = match precision {
-        Precision::F32 => ValueType::F32,
-        Precision::F16 => ValueType::F16,
-    };
-    model.input("x", element, &[2]);
-    model.node("Add", &["x", "x"], &["y"], &[]);
-    model.output("y", element, &[2]);
-    model.finish()
-}
-
-/// Whether the adapter adds 1.5 and -2 to themselves.
+/// Whether the adapter gives the expected output of the self-test, whose `model` has numbers of `precision`.
 pub(super) fn passes_self_test(
     plugin: &std::sync::Arc<Plugin>,
     mut builder: SessionBuilder,
     model: &[u8],
     precision: Precision,
 ) -> Result<bool> {
-    let (given, wanted, element): (Vec<u8>, Vec<u8>, _) = match precision {
-        Precision::F32 => {
-            (bytes_of(&[1.5_f32, -2.0]), bytes_of(&[3.0_f32, -4.0]), Element::ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT)
-        }
-        Precision::F16 => {
-            let [x, y] = [[1.5, -2.0], [3.0, -4.0]].map(|pair| bytes_of(&pair.map(half::f16::from_f32)));
-            (x, y, Element::ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT16)
-        }
+    let [given, expected] = self_test::input_and_output(precision);
+    let element = match precision {
+        Precision::F32 => Element::ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT,
+        Precision::F16 => Element::ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT16,
     };
     let session = {
         let _held = LOCK.lock();
@@ -199,17 +183,14 @@ pub(super) fn passes_self_test(
     let mut memory = AlignedBuffer::zeroed(given.len())?;
     memory.bytes_mut().copy_from_slice(&given);
     let [x, y] = [DeviceBuffer::with_contents(plugin, &memory)?, DeviceBuffer::with_contents(plugin, &memory)?];
-    let binding = Binding::new(&session, &[(c"x", x.value(&[2], element)?)], &[(c"y", y.value(&[2], element)?)])?;
+    let shape = [self_test::LENGTH];
+    let binding = Binding::new(&session, &[(c"x", x.value(&shape, element)?)], &[(c"y", y.value(&shape, element)?)])?;
     binding.run(&session)?;
-    let mut result = vec![0; wanted.len()];
+    let mut result = vec![0; expected.len()];
     y.read(&mut result)?;
     let _held = LOCK.lock();
     drop((binding, session));
-    Ok(result == wanted)
-}
-
-fn bytes_of<T: bytemuck::NoUninit>(values: &[T]) -> Vec<u8> {
-    bytemuck::cast_slice(values).to_vec()
+    Ok(result == expected)
 }
 
 /// A session's inputs and outputs, bound to memory that its maker keeps alive.

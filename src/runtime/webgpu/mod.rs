@@ -22,7 +22,7 @@ use super::DeviceMemory;
 use super::device::{Backend, DeviceKind};
 use super::failure::make;
 use super::graph::TensorSpec;
-use super::{ExecutionContext, Graph, Ort};
+use super::{ExecutionContext, Graph, Ort, self_test};
 use crate::bundle::{ModelSource, Precision, without_fused_products};
 use crate::{Error, ErrorKind, Result};
 use context::WebGpuContext;
@@ -40,7 +40,7 @@ impl WebGpuBackend {
     pub(super) fn new(ort: &Ort, options: &WebGpuOptions) -> Result<Self> {
         let plugin = Arc::new(Plugin::load(ort, options)?);
         let computes = |precision| {
-            let model = helper_graphs::self_test(precision);
+            let model = self_test::model(precision);
             let builder = make("prepare a session", || plugin.session(options.deterministic))?;
             helper_graphs::passes_self_test(&plugin, builder, &model, precision)
         };

@@ -1,14 +1,9 @@
 //! Injects device faults at every call in turn, once or permanently: a failed step changes nothing, and the next attempt works.
 
-// The crate `test-support` cannot be used here: its types are those of another copy of this library.
-#[path = "../../../tests/support/src/worlds.rs"]
-#[allow(dead_code, unreachable_pub, reason = "the crate has all of it")]
-mod worlds;
-
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use super::Rollout;
+use super::{Rollout, worlds};
 use crate::bundle::Precision;
 use crate::runtime::{
     Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, Graph, RecordedCopiesId, RecordedCopy, Region,

@@ -6,6 +6,8 @@
 
 mod device_state;
 #[cfg(test)]
+mod fake_device_tests;
+#[cfg(test)]
 mod fault_tests;
 mod govern;
 mod limits;
@@ -13,6 +15,11 @@ mod readback;
 mod state;
 mod times;
 mod window;
+// The crate `test-support` cannot be used here: its types are those of another copy of this library.
+#[cfg(test)]
+#[path = "../../../tests/support/src/worlds.rs"]
+#[allow(dead_code, unreachable_pub, reason = "the crate has all of it")]
+mod worlds;
 
 use std::borrow::Borrow;
 use std::sync::Arc;

@@ -1,5 +1,5 @@
-//! Repository checks that a compiler does not make: words for unfinished work, references to existing files, and the allowed dependencies
-//! between modules.
+//! Repository checks that a compiler does not make: words for unfinished work, references to existing files, the allowed dependencies between
+//! modules, and names of ONNX Runtime's providers.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -26,6 +26,12 @@ const UNFINISHED: [(&str, &str); 7] = [
 /// The library's modules from the top down: each may use only those after it.
 const MODULES: [&str; 9] = ["abi", "present", "framegen", "guidance", "world", "runtime", "bundle", "ffx", "gpu"];
 
+/// Parts of names of ONNX Runtime's providers, in lower case.
+const PROVIDERS: [&str; 3] = ["directml", "webgpu", "executionprovider"];
+
+/// The library's code that may name a provider: the runtime, and the functions of the C interface that create and describe devices.
+const PROVIDER_CODE: [&str; 3] = ["src/runtime/", "src/abi/device.rs", "src/abi/d3d12"];
+
 /// Folders at the root; a path in a text that starts with one of them must exist.
 const FOLDERS: [&str; 10] =
     ["src/", "include/", "docs/", "tests/", "samples/", "tools/", "bindings/", "xtask/", "fuzz/", "examples/"];
@@ -42,6 +48,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         ("unfinished work", unfinished(workspace, &files)?),
         ("links and file names in texts", dead_references(workspace, &files)?),
         ("modules use only those below", upward_uses(workspace, &files)?),
+        ("only the runtime knows ONNX Runtime's providers", named_providers(workspace, &files)?),
     ] {
         log.line(&format!("{rule}: {} found", violations.len()))?;
         for violation in &violations {
@@ -147,6 +154,24 @@ fn upward_uses(workspace: &Workspace, files: &[String]) -> Result<Vec<String>, S
         {
             for above in MODULES[..level].iter().filter(|above| line.contains(&format!("crate::{above}"))) {
                 violations.push(format!("{file}:{} uses {above}, which is above {name}", number + 1));
+            }
+        }
+    }
+    Ok(violations)
+}
+
+/// Code of the library that names a provider outside of [`PROVIDER_CODE`]. Comments may.
+fn named_providers(workspace: &Workspace, files: &[String]) -> Result<Vec<String>, String> {
+    let mut violations = Vec::new();
+    let is_checked = |file: &str| {
+        let may_name = PROVIDER_CODE.iter().any(|allowed| file.starts_with(allowed));
+        file.starts_with("src/") && has_extension(file, &["rs"]) && !may_name
+    };
+    for file in files.iter().filter(|file| is_checked(file)) {
+        for (number, line) in workspace.read(file)?.lines().enumerate() {
+            let code = line.split("//").next().unwrap_or_default().to_lowercase();
+            for provider in PROVIDERS.iter().filter(|provider| code.contains(*provider)) {
+                violations.push(format!("{file}:{} names {provider}", number + 1));
             }
         }
     }
