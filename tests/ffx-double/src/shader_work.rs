@@ -150,7 +150,8 @@ impl ShaderWork {
         // Asked last, since the mapping fails too if the device is removed meanwhile.
         // SAFETY: a live device.
         let is_removed = unsafe { self.device.GetDeviceRemovedReason() }.is_err();
-        if is_removed { 0 } else { self.recorded - completed_numbers }
+        // A frame whose recording failed may run nevertheless, and is completed without being counted.
+        if is_removed { 0 } else { self.recorded.saturating_sub(completed_numbers) }
     }
 
     /// Records a frame. Every texture returns to its stated state. Writes the size of motion into `constants`.
