@@ -150,7 +150,7 @@ impl Plugin {
 /// The adapter, on systems where the provider alone knows it.
 #[cfg(not(target_os = "linux"))]
 struct Chosen {
-    name: &'static str,
+    name: String,
     low_power: bool,
 }
 
@@ -158,7 +158,7 @@ struct Chosen {
 impl Chosen {
     fn new(wanted: Option<&str>) -> Result<Self> {
         match wanted {
-            None => Ok(Self { name: "the system's fastest adapter", low_power: false }),
+            None => Ok(Self { name: "the system's fastest adapter".to_owned(), low_power: false }),
             Some(_) => Err(Error::new(ErrorKind::Unsupported, "an adapter can be named on Linux only")
                 .field("adapter")
                 .remedy("Leave the choice to ONNX Runtime")),
