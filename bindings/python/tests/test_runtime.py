@@ -505,3 +505,12 @@ def test_adapters_and_requirements_are_listed(device):
     assert missing["onnxruntime"].met is False
     assert device.kind == "cpu" and device.precision == "f32" and device.threads == 2
     assert "ONNX Runtime 1.24" in device.description
+
+
+def test_a_device_is_chosen_by_itself_and_the_log_has_the_reason(caplog: pytest.LogCaptureFixture) -> None:
+    """Without the provider's library beside ONNX Runtime the processor runs worlds."""
+    with pytest.raises(cairn.RuntimeMissing, match="WebGPU provider"):
+        cairn.Device.gpu(webgpu="/nowhere/libonnxruntime_providers_webgpu.so")
+    with caplog.at_level("INFO", "cairn"), cairn.Device.auto(webgpu="/nowhere/libonnxruntime_providers_webgpu.so") as device:
+        assert device.kind == "cpu"
+    assert "the processor runs worlds, and no graphics adapter" in caplog.text
