@@ -515,12 +515,12 @@ public:
     }
 
     /**
-     * Creates a device on a graphics adapter, by ONNX Runtime's WebGPU provider: cairn_device_create_gpu. `adapter` is a part of its name, its
+     * Creates a device on a graphics adapter, by ONNX Runtime's WebGPU provider: cairn_device_create_gpu. `name` is a part of its name, its
      * vendor or its number; null for the fastest. Experimental.
      */
-    static result<device> gpu(const char *adapter = nullptr, const device_options &options = {})
+    static result<device> gpu(const char *name = nullptr, const device_options &options = {})
     {
-        return detail::create<device>([&](cairn_device **to) { return cairn_device_create_gpu(adapter, &options, to); });
+        return detail::create<device>([&](cairn_device **to) { return cairn_device_create_gpu(name, &options, to); });
     }
 
 #if defined(_WIN32)

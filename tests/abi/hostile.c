@@ -169,7 +169,7 @@ typedef cairn_result (*struct_call)(void *s);
 /* ONNX Runtime is found here only with this flag. Nothing is written into a struct that is too small or invalid. */
 static void let_the_environment_name_libraries(void *s)
 {
-    if (s && (uintptr_t)s % _Alignof(cairn_device_options) == 0 && *(uint32_t *)s >= sizeof(cairn_device_options)) {
+    if (s && (uintptr_t)s % _Alignof(cairn_device_options) == 0 && *(uint32_t *)s >= 32) {
         ((cairn_device_options *)s)->flags = CAIRN_DEVICE_ENVIRONMENT;
     }
 }
@@ -224,8 +224,8 @@ struct sized {
 };
 
 static const struct sized sized[] = {
-    {"cairn_device_options", in_device_options, sizeof(cairn_device_options), _Alignof(cairn_device_options), 1, {0, 0}},
-    {"requirements", in_requirements, sizeof(cairn_device_options), _Alignof(cairn_device_options), 1, {0, 0}},
+    {"cairn_device_options", in_device_options, sizeof(cairn_device_options), _Alignof(cairn_device_options), 1, {32, 0}},
+    {"requirements", in_requirements, sizeof(cairn_device_options), _Alignof(cairn_device_options), 1, {32, 0}},
     {"cairn_device_info", NULL, sizeof(cairn_device_info), _Alignof(cairn_device_info), 1, {144, 0}},
     {"cairn_world_info", NULL, sizeof(cairn_world_info), _Alignof(cairn_world_info), 1, {336, 0}},
     {"cairn_world_memory", NULL, sizeof(cairn_world_memory), _Alignof(cairn_world_memory), 1, {0, 0}},

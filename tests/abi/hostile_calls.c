@@ -106,8 +106,8 @@ static void wrong_handles(int i)
 /* Whether `size` was the struct's size before fields were added to it. */
 static int earlier_size(const struct shape *shape, uint32_t size)
 {
-    const uint32_t sizes[][2] = {{sizeof(cairn_presenter_options), 64}, {sizeof(cairn_presenter_options), 72},
-        {sizeof(cairn_presenter_statistics), 304}, {sizeof(cairn_presenter_statistics), 376},
+    const uint32_t sizes[][2] = {{sizeof(cairn_device_options), 32}, {sizeof(cairn_presenter_options), 64},
+        {sizeof(cairn_presenter_options), 72}, {sizeof(cairn_presenter_statistics), 304}, {sizeof(cairn_presenter_statistics), 376},
         {sizeof(cairn_presenter_statistics), 568}, {sizeof(cairn_device_info), 144}, {sizeof(cairn_world_options), 48},
         {sizeof(cairn_world_options), 56}, {sizeof(cairn_world_info), 336}, {sizeof(cairn_rollout_statistics), 120},
         {sizeof(cairn_rollout_statistics), 216}};
@@ -350,6 +350,8 @@ static void valid_arguments_of_every_row_are_accepted(void)
         release_given(row, a, r);
         int taken = is_for_windows(row->name) && !destroys(row) ? is_answer_for_windows(r)
             : needs_no_object(row)                                   ? r == CAIRN_ERROR_BUSY
+            /* The provider's library is not beside ONNX Runtime. */
+            : strstr(row->name, "create_gpu")                        ? r == CAIRN_ERROR_RUNTIME_MISSING
                                                                      : r >= 0;
         if (!taken) fprintf(stderr, "%s: %s (%s)\n", row->name, cairn_result_name(r), message());
         CHECK(taken);
