@@ -167,6 +167,7 @@ fn the_program_that_loads_the_library() {
         reserved: 0,
         onnxruntime: named.as_ref().map_or(null(), |path| path.as_ptr()),
         ffx: null(),
+        webgpu: null(),
     };
     let options = if allows || named.is_some() { &raw const options } else { null() };
     let print_result = |kind: &str, result: cairn_result, device: *mut cairn_device| {
