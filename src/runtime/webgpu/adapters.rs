@@ -146,7 +146,7 @@ fn choose(adapters: &[Adapter], wanted: Option<&str>) -> Result<(usize, bool)> {
             _ => Ok((fast, false)),
         };
     };
-    let matches = |i: usize| is_named(&adapters[i], i, wanted);
+    let matches = |i: usize| is_named(adapters, i, wanted);
     if matches(fast) {
         return Ok((fast, false));
     }
@@ -171,14 +171,16 @@ fn choose(adapters: &[Adapter], wanted: Option<&str>) -> Result<(usize, bool)> {
     .field("adapter"))
 }
 
-/// Whether `wanted` is the adapter's number, its vendor in hexadecimal, or a part of its name in any case.
-fn is_named(adapter: &Adapter, number: usize, wanted: &str) -> bool {
+/// Whether `wanted` is the adapter's number, its vendor in hexadecimal, or a part of its name in any case. A number beyond the list, such as 9070, is
+/// a part of a name.
+fn is_named(adapters: &[Adapter], number: usize, wanted: &str) -> bool {
+    let adapter = &adapters[number];
     if let Some(vendor) = wanted.strip_prefix("0x") {
         return u32::from_str_radix(vendor, 16).is_ok_and(|vendor| vendor == adapter.vendor);
     }
     match wanted.parse::<usize>() {
-        Ok(wanted) => wanted == number,
-        Err(_) => !wanted.is_empty() && adapter.name.to_lowercase().contains(&wanted.to_lowercase()),
+        Ok(wanted) if wanted < adapters.len() => wanted == number,
+        _ => !wanted.is_empty() && adapter.name.to_lowercase().contains(&wanted.to_lowercase()),
     }
 }
 

@@ -34,12 +34,11 @@ fn a_rollout_is_complete_and_its_replay_is_the_same() {
     assert!(outcome.failure.is_none() && !outcome.interrupted, "{:?}", outcome.failure);
     let manifest = read_checked(&out);
     assert_eq!(manifest, outcome.manifest);
-    assert_eq!(
-        manifest.settings.device == DeviceChoice::Cpu,
-        outcome.fallback.is_some(),
-        "the processor needs a reason"
-    );
-    assert!(cfg!(windows) || outcome.fallback.is_some_and(|why| why.cause().contains("Windows only")));
+    // Where the world runs depends on the machine.
+    if manifest.settings.device == DeviceChoice::Cpu {
+        let why = outcome.fallback.expect("the processor needs a reason");
+        assert!(why.cause().contains("not webgpu: ") && why.cause().contains("not d3d12: ") == cfg!(windows), "{why}");
+    }
     assert!(manifest.complete && manifest.stopped_by.is_none());
     assert!(manifest.note.as_deref().is_some_and(|n| n.contains("random weights")));
 
