@@ -6,12 +6,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use ort::AsPointer;
 use ort::memory::MemoryInfo;
-use ort::session::Session;
 use ort::sys::ONNXTensorElementDataType as Element;
 
 use super::buffer::{DeviceBuffer, WORD};
-use super::helper_graphs::{self, Binding, ListInput, Move};
-use super::plugin::{LOCK, Plugin};
+use super::helper_graphs::{self, Binding, ListInput, Move, SessionUnderLock};
+use super::plugin::Plugin;
 use super::value::Value;
 use crate::bundle::Precision;
 use crate::locks::Mutex;
@@ -20,7 +19,6 @@ use crate::runtime::execution_context::{
     Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, MAX_GROUPS, RecordedCopiesId, RecordedCopy,
     Region,
 };
-use crate::runtime::failure::make;
 use crate::runtime::finite::all_finite;
 use crate::runtime::graph::{ElementType, Graph};
 use crate::{Error, ErrorKind, Result};
@@ -81,30 +79,6 @@ struct FiniteGraph {
 
 /// Copies of buffers.
 type AdapterBackup = Vec<(BufferId, Place)>;
-
-/// A session that is dropped under the provider's lock.
-struct SessionUnderLock(Option<Session>);
-
-impl SessionUnderLock {
-    fn new(plugin: &Plugin, model: &[u8], what: &str) -> Result<Self> {
-        let mut builder = make("prepare a session", || plugin.session(false))?;
-        let _held = LOCK.lock();
-        let session = make(&format!("load the {what}"), || builder.commit_from_memory(model))?;
-        super::plugin::refuse_other_providers(&session, what, plugin.describe())?;
-        Ok(Self(Some(session)))
-    }
-
-    fn get(&self) -> &Session {
-        self.0.as_ref().expect("taken only when it is dropped")
-    }
-}
-
-impl Drop for SessionUnderLock {
-    fn drop(&mut self) {
-        let _held = LOCK.lock();
-        self.0.take();
-    }
-}
 
 impl WebGpuContext {
     pub(super) fn new(plugin: &Arc<Plugin>) -> Self {

@@ -2,13 +2,14 @@
 //!
 //! All values are words: 32-bit integers, because sums and copies of floats may change the bits of numbers that are not finite.
 
+use std::sync::Arc;
+
 use ort::AsPointer;
 use ort::session::Session;
-use ort::session::builder::SessionBuilder;
 use ort::sys::ONNXTensorElementDataType as Element;
 
 use super::buffer::{DeviceBuffer, WORD};
-use super::plugin::{LOCK, Plugin};
+use super::plugin::{LOCK, Plugin, refuse_other_providers};
 use super::value::{Value, check};
 use crate::Result;
 use crate::bundle::{ModelWriter, Precision, ValueType};
@@ -165,32 +166,47 @@ pub(super) fn is_finite(largest: i32, precision: Precision) -> bool {
 }
 
 /// Whether the adapter gives the expected output of the self-test, whose `model` has numbers of `precision`.
-pub(super) fn passes_self_test(
-    plugin: &std::sync::Arc<Plugin>,
-    mut builder: SessionBuilder,
-    model: &[u8],
-    precision: Precision,
-) -> Result<bool> {
+pub(super) fn passes_self_test(plugin: &Arc<Plugin>, model: &[u8], precision: Precision) -> Result<bool> {
     let [given, expected] = self_test::input_and_output(precision);
     let element = match precision {
         Precision::F32 => Element::ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT,
         Precision::F16 => Element::ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT16,
     };
-    let session = {
-        let _held = LOCK.lock();
-        make("make its self-test", || builder.commit_from_memory(model))?
-    };
+    let session = SessionUnderLock::new(plugin, model, "self-test")?;
     let mut memory = AlignedBuffer::zeroed(given.len())?;
     memory.bytes_mut().copy_from_slice(&given);
     let [x, y] = [DeviceBuffer::with_contents(plugin, &memory)?, DeviceBuffer::with_contents(plugin, &memory)?];
     let shape = [self_test::LENGTH];
-    let binding = Binding::new(&session, &[(c"x", x.value(&shape, element)?)], &[(c"y", y.value(&shape, element)?)])?;
-    binding.run(&session)?;
+    let binding =
+        Binding::new(session.get(), &[(c"x", x.value(&shape, element)?)], &[(c"y", y.value(&shape, element)?)])?;
+    binding.run(session.get())?;
     let mut result = vec![0; expected.len()];
     y.read(&mut result)?;
-    let _held = LOCK.lock();
-    drop((binding, session));
     Ok(result == expected)
+}
+
+/// A session of a helper graph, with every node on the adapter. It is made and dropped under the provider's lock.
+pub(super) struct SessionUnderLock(Option<Session>);
+
+impl SessionUnderLock {
+    pub(super) fn new(plugin: &Plugin, model: &[u8], what: &str) -> Result<Self> {
+        let mut builder = make("prepare a session", || plugin.session(false))?;
+        let _held = LOCK.lock();
+        let session = make(&format!("load the {what}"), || builder.commit_from_memory(model))?;
+        refuse_other_providers(&session, what, plugin.describe())?;
+        Ok(Self(Some(session)))
+    }
+
+    pub(super) fn get(&self) -> &Session {
+        self.0.as_ref().expect("taken only when it is dropped")
+    }
+}
+
+impl Drop for SessionUnderLock {
+    fn drop(&mut self) {
+        let _held = LOCK.lock();
+        self.0.take();
+    }
 }
 
 /// A session's inputs and outputs, bound to memory that its maker keeps alive.

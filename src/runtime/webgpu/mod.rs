@@ -41,14 +41,13 @@ impl WebGpuBackend {
         let plugin = Arc::new(Plugin::load(ort, options)?);
         let computes = |precision| {
             let model = self_test::model(precision);
-            let builder = make("prepare a session", || plugin.session(options.deterministic))?;
-            helper_graphs::passes_self_test(&plugin, builder, &model, precision)
+            helper_graphs::passes_self_test(&plugin, &model, precision)
         };
         if !computes(Precision::F32)? {
             let cause = format!("{} gives a wrong sum", plugin.describe());
             return Err(Error::new(ErrorKind::Device, cause).remedy("Update its driver, or use a CPU device"));
         }
-        // Adapters without half floats refuse the graph.
+        // Without half floats the adapter refuses the graph, or the processor would run it, which is refused too.
         let has_half = computes(Precision::F16).unwrap_or_else(|refusal| {
             log::info!("worlds are float32 on {}: {refusal}", plugin.describe());
             false
@@ -107,9 +106,10 @@ impl Backend for WebGpuBackend {
         let model = ModelSource { onnx: rewritten.as_deref().unwrap_or(model.onnx), external: model.external.clone() };
         let builder = make("prepare a session", || self.session(dimensions))?;
         let _held = LOCK.lock();
-        let graph = Graph::commit(builder, what, &model, inputs, &[], outputs)?.with_drop_lock(&LOCK);
+        let graph = Graph::commit(builder, what, &model, inputs, &[], outputs)?;
         plugin::refuse_other_providers(graph.session(), what, self.plugin.describe())?;
-        Ok(Arc::new(graph))
+        // Not before: a refused graph is dropped here, where the lock is held.
+        Ok(Arc::new(graph.with_drop_lock(&LOCK)))
     }
 
     fn context(&self, _: Option<Duration>) -> Result<Box<dyn ExecutionContext>> {
