@@ -4,8 +4,8 @@ use std::any::Any;
 use std::sync::Arc;
 
 use super::Graph;
-use crate::Result;
 use crate::bundle::Precision;
+use crate::{Picture, Result};
 
 /// Handle of a buffer of one context.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -125,6 +125,13 @@ pub(crate) trait ExecutionContext: Send {
 
     /// Waits, then reads `into.len()` bytes of `from` from byte `at` on.
     fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()>;
+
+    /// Waits, then reads a decoded picture that the device has converted. Returns false, and does nothing, if the device converts no
+    /// pictures: then the caller reads the planes and converts them.
+    fn read_picture(&mut self, from: &DecodedPicture<'_>, into: &mut Picture) -> Result<bool> {
+        let _ = (from, into);
+        Ok(false)
+    }
 
     /// Records a finite check of buffers of `precision`, in at most [`MAX_GROUPS`] groups.
     fn add_finite_check(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<FiniteCheckId>;
@@ -247,6 +254,29 @@ pub(crate) enum Work<'a> {
     Runs(&'a Arc<Graph>),
     /// Recorded copies.
     RecordedCopies,
+}
+
+/// The source position of one output row or column of a resampling: at fraction `t` between rows or columns `low` and `high`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Tap {
+    pub(crate) low: usize,
+    pub(crate) high: usize,
+    pub(crate) t: f32,
+}
+
+/// A picture among a decoder's output, and how it is resampled.
+pub(crate) struct DecodedPicture<'a> {
+    /// `[pictures, 3, height, width]`
+    pub(crate) planes: BufferId,
+    pub(crate) pictures: usize,
+    /// Height and width.
+    pub(crate) size: [usize; 2],
+    pub(crate) precision: Precision,
+    /// Number of the picture, from 0.
+    pub(crate) index: usize,
+    /// The resampled picture's rows and columns.
+    pub(crate) rows: &'a [Tap],
+    pub(crate) columns: &'a [Tap],
 }
 
 /// A decoder's output in a buffer of one context.

@@ -34,7 +34,8 @@ pub use directml::DirectMlOptions;
 pub(crate) use directml::Snapshot;
 pub use execution_context::Bytes;
 pub(crate) use execution_context::{
-    Backup, BindingId, BufferId, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy, Region,
+    Backup, BindingId, BufferId, DecodedPicture, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy, Region,
+    Tap,
 };
 #[cfg(windows)]
 pub use execution_context::{CaptureStatistics, ExternalTimes};

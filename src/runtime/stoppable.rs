@@ -5,11 +5,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::execution_context::{
-    Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy, Region,
+    Backup, BindingId, BufferId, Bytes, DecodedPicture, ExecutionContext, FiniteCheckId, RecordedCopiesId,
+    RecordedCopy, Region,
 };
 use super::{Device, Graph};
 use crate::bundle::Precision;
-use crate::{Error, ErrorKind, Result};
+use crate::{Error, ErrorKind, Picture, Result};
 
 /// A context whose runs fail with `Cancelled` while its flag is set. All other calls work, so that the state can be restored after
 /// a failed run.
@@ -79,6 +80,10 @@ impl ExecutionContext for StoppableContext {
 
     fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()> {
         self.inner.read(from, at, into)
+    }
+
+    fn read_picture(&mut self, from: &DecodedPicture<'_>, into: &mut Picture) -> Result<bool> {
+        self.inner.read_picture(from, into)
     }
 
     fn add_finite_check(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<FiniteCheckId> {

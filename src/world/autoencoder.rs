@@ -243,7 +243,6 @@ impl Autoencoder {
     }
 
     /// Buffer of the last decoded pictures, `[pictures, 3, H, W]`.
-    #[cfg(windows)]
     pub(super) fn pictures(&self) -> BufferId {
         self.sides[self.current].pictures()
     }

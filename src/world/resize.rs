@@ -2,14 +2,7 @@
 //! between square pixels and the autoencoder's pictures, whose pixels are not square.
 
 use crate::Picture;
-
-/// The source position of one output row or column: at fraction `t` between rows or columns `low` and `high`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Tap {
-    low: usize,
-    high: usize,
-    t: f32,
-}
+use crate::runtime::Tap;
 
 /// The sample positions of one resampling; make it once for each pair of sizes.
 pub struct Bilinear {
@@ -22,6 +15,11 @@ impl Bilinear {
     /// Resamples from `(width, height)` to `(width, height)`, each at least 1.
     pub fn new(from: (u32, u32), to: (u32, u32)) -> Self {
         Self { columns: taps(from.0, to.0), rows: taps(from.1, to.1), from: (from.0 as usize, from.1 as usize) }
+    }
+
+    /// Rows and columns of the result.
+    pub(crate) fn taps(&self) -> [&[Tap]; 2] {
+        [&self.rows, &self.columns]
     }
 
     /// Resamples a picture into red, green and blue planes of `[height, width]` values in [0, 1]. Alpha is ignored.

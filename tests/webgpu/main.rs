@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use cairn::bundle::Precision;
 use cairn::runtime::{Device, DeviceKind, WebGpuOptions};
-use cairn::world::{KvPart, OperatingPoint, Rollout, Schedule, World, WorldOptions};
+use cairn::world::{Bilinear, KvPart, OperatingPoint, Rollout, Schedule, World, WorldOptions};
 use cairn::{Error, ErrorKind, Picture};
 use test_support::worlds::{self, bundle, controls, fingerprint, ort, point, seeded, webgpu};
 
@@ -134,8 +134,36 @@ fn only_controls_go_up_and_one_picture_comes_down() {
     let ring = rollout.ring_bytes(0, KvPart::Keys).expect("a ring").len() as u64 * 2 * u64::from(geometry.layers);
     assert!(uploaded < ring / 2, "{uploaded} bytes went up; the rings have {ring}");
     let mut picture = Picture::new(1, 1).expect("a picture");
+    let before = rollout.statistics().bytes.read;
     rollout.read_picture(0, &mut picture).expect("a picture");
-    assert!(picture.width() > 1, "the picture came down");
+    assert_eq!(picture.size(), world.render_size());
+    let read = rollout.statistics().bytes.read - before;
+    assert_eq!(read, picture.rgba().len() as u64, "the picture came down with 8 bits for each channel, and nothing else");
+}
+
+#[test]
+fn the_adapter_resizes_pictures_as_the_processor_does() {
+    // A whole latent has several pictures; the decoder's sides take turns.
+    for precision in [Precision::F32, Precision::F16] {
+        let world = load(&webgpu(), "tiny", precision);
+        let every = OperatingPoint { pictures_per_latent: world.manifest().geometry.autoencoder.temporal, ..point(&world) };
+        let mut rollout = seeded(&world, &every, 7);
+        for i in 0..3 {
+            steps(&mut rollout, i..i + 1);
+            let decoded = rollout.decoded().expect("planes");
+            let resize = Bilinear::new(world.decoded_size(), world.render_size());
+            let [mut found, mut expected] = [world.render_size(); 2].map(|(w, h)| Picture::new(w, h).expect("a picture"));
+            let mut seen = Vec::new();
+            for (k, planes) in (0..).zip(decoded.chunks_exact(decoded.len() / every.pictures_per_latent as usize)) {
+                rollout.read_picture(k, &mut found).expect("a picture");
+                resize.to_picture(planes, &mut expected);
+                let apart = found.rgba().iter().zip(expected.rgba()).map(|(a, b)| a.abs_diff(*b)).max();
+                assert!(apart <= Some(1), "{precision:?}, latent {i}, picture {k}: {apart:?} steps of 255 apart");
+                assert!(!seen.contains(&found), "pictures differ");
+                seen.push(found.clone());
+            }
+        }
+    }
 }
 
 #[test]

@@ -13,6 +13,28 @@ pub(crate) enum ValueType {
     F16 = 10,
 }
 
+/// A type of a constant's elements.
+pub(crate) trait Number: Copy {
+    const TYPE: ValueType;
+
+    /// Its bytes in a model: little-endian.
+    fn to_bytes(self) -> impl IntoIterator<Item = u8>;
+}
+
+macro_rules! numbers {
+    ($($number:ty => $value_type:ident),*) => {$(
+        impl Number for $number {
+            const TYPE: ValueType = ValueType::$value_type;
+
+            fn to_bytes(self) -> impl IntoIterator<Item = u8> {
+                self.to_le_bytes()
+            }
+        }
+    )*};
+}
+
+numbers!(i32 => I32, i64 => I64, f32 => F32);
+
 /// Version of the operators: one that ONNX Runtime has from 1.24 on, on every provider.
 const OPSET: u64 = 21;
 /// Version of the file format that belongs to it.
@@ -34,10 +56,11 @@ impl ModelWriter {
         write_bytes(&mut self.graph, 12, &value_info(name, element, dims));
     }
 
-    /// A constant with one element for each of `values`.
-    pub(crate) fn constant(&mut self, name: &str, values: &[i32]) {
-        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-        write_bytes(&mut self.graph, 5, &tensor(name, ValueType::I32, &[values.len()], &bytes));
+    /// A constant of shape `dims`.
+    pub(crate) fn constant<T: Number>(&mut self, name: &str, dims: &[usize], values: &[T]) {
+        assert_eq!(values.len(), dims.iter().product::<usize>(), "{name}: one number for each element");
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_bytes()).collect();
+        write_bytes(&mut self.graph, 5, &tensor(name, T::TYPE, dims, &bytes));
     }
 
     /// A node of ONNX's own operators, with attributes that are integers.
@@ -114,7 +137,7 @@ mod tests {
     fn a_written_model_is_read_back() {
         let mut model = ModelWriter::default();
         model.input("x", ValueType::F32, &[2, 3]);
-        model.constant("two", &[2, -2]);
+        model.constant("two", &[2], &[2, -2]);
         model.node("Mul", &["x", "two"], &["doubled"], &[]);
         model.node("ReduceMax", &["doubled"], &["y"], &[("keepdims", 0)]);
         model.output("y", ValueType::F32, &[]);

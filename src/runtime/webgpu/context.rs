@@ -10,18 +10,19 @@ use ort::sys::ONNXTensorElementDataType as Element;
 
 use super::buffer::{DeviceBuffer, WORD};
 use super::helper_graphs::{self, Binding, ListInput, Move, SessionUnderLock};
+use super::pictures::PictureReader;
 use super::plugin::Plugin;
 use super::value::Value;
 use crate::bundle::Precision;
 use crate::locks::Mutex;
 use crate::runtime::aligned_buffer::AlignedBuffer;
 use crate::runtime::execution_context::{
-    Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, MAX_GROUPS, RecordedCopiesId, RecordedCopy,
-    Region,
+    Backup, BindingId, BufferId, Bytes, DecodedPicture, ExecutionContext, FiniteCheckId, MAX_GROUPS, RecordedCopiesId,
+    RecordedCopy, Region,
 };
 use crate::runtime::finite::all_finite;
 use crate::runtime::graph::{ElementType, Graph};
-use crate::{Error, ErrorKind, Result};
+use crate::{Error, ErrorKind, Picture, Result};
 
 /// Buffers, bound graphs, and the graphs that move and check values.
 pub(super) struct WebGpuContext {
@@ -29,6 +30,7 @@ pub(super) struct WebGpuContext {
     bindings: Vec<(Binding, Arc<Graph>)>,
     moves: Vec<Mover>,
     finite_checks: Vec<FiniteCheck>,
+    pictures: Option<PictureReader>,
     buffers: Vec<Buffer>,
     recorded: Vec<Vec<RecordedCopy>>,
     plugin: Arc<Plugin>,
@@ -86,6 +88,7 @@ impl WebGpuContext {
             bindings: Vec::new(),
             moves: Vec::new(),
             finite_checks: Vec::new(),
+            pictures: None,
             buffers: Vec::new(),
             recorded: Vec::new(),
             plugin: plugin.clone(),
@@ -362,6 +365,18 @@ impl ExecutionContext for WebGpuContext {
         self.with_contents(from, at, into.len(), |bytes| into.copy_from_slice(bytes))?;
         self.read.fetch_add(into.len() as u64, Ordering::Relaxed);
         Ok(())
+    }
+
+    fn read_picture(&mut self, from: &DecodedPicture<'_>, into: &mut Picture) -> Result<bool> {
+        let Place::Adapter(planes) = &self.buffers[from.planes.0].place else { return Ok(false) };
+        if self.pictures.as_ref().is_none_or(|pictures| !pictures.fits(from)) {
+            self.pictures = Some(PictureReader::new(&self.plugin, from)?);
+        }
+        let pictures = self.pictures.as_mut().expect("made above");
+        let pixels = into.rgba_mut();
+        pictures.read(from, planes, pixels)?;
+        self.read.fetch_add(pixels.len() as u64, Ordering::Relaxed);
+        Ok(true)
     }
 
     fn add_finite_check(&mut self, groups: &[&[BufferId]], precision: Precision) -> Result<FiniteCheckId> {

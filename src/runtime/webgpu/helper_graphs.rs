@@ -114,15 +114,15 @@ fn list_name(list: usize, is_column: bool) -> String {
 /// buffer; the output `largest` has two numbers for each group.
 pub(super) fn largest(groups: &[Vec<usize>], precision: Precision) -> Vec<u8> {
     let mut model = ModelWriter::default();
-    model.constant("zero", &[0]);
-    model.constant("least", &[i32::MIN]);
+    model.constant("zero", &[1], &[0]);
+    model.constant("least", &[1], &[i32::MIN]);
     // Removes the sign bit: of a float, or of the first and of the second half float of a word.
     let factors: &[i32] = match precision {
         Precision::F32 => &[2],
         Precision::F16 => &[2, 1 << 17],
     };
     for (f, factor) in factors.iter().enumerate() {
-        model.constant(&format!("factor.{f}"), &[*factor]);
+        model.constant(&format!("factor.{f}"), &[1], &[*factor]);
     }
     let mut results = Vec::new();
     let mut i = 0;

@@ -8,6 +8,7 @@ mod adapters;
 mod buffer;
 mod context;
 mod helper_graphs;
+mod pictures;
 mod plugin;
 mod value;
 

@@ -283,3 +283,23 @@ fn nodes_elsewhere(session: &Session) -> Result<Vec<(String, String, String)>> {
     }
     Ok(elsewhere)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bundle::Precision;
+    use crate::runtime::self_test;
+
+    #[test]
+    fn nodes_that_another_provider_runs_are_refused_by_name() {
+        let ort = Ort::find(&LibrarySearch::for_tools()).expect("ONNX Runtime: run `cargo xtask setup`");
+        // Without the plugin, the processor runs every node.
+        let builder = Session::builder(ort.environment()).and_then(|b| Ok(b.with_config_entry(RECORD_PROVIDERS, "1")?));
+        let model = self_test::model(Precision::F32);
+        let session = builder.and_then(|mut builder| builder.commit_from_memory(&model)).expect("a session");
+        let refused = refuse_other_providers(&session, "decoder", "the adapter").expect_err("no node is on an adapter");
+        assert_eq!(refused.kind(), ErrorKind::Unsupported);
+        let cause = "the adapter has no Add for the node y of the decoder, which CPUExecutionProvider would run";
+        assert_eq!(refused.cause(), cause);
+    }
+}

@@ -8,7 +8,8 @@ use std::time::Instant;
 use super::times::StepMeasurement;
 use crate::bundle::Precision;
 use crate::runtime::{
-    BufferId, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy, Region, StoppableContext, element_size,
+    BufferId, DecodedPicture, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy, Region,
+    StoppableContext, element_size,
 };
 #[cfg(windows)]
 use crate::runtime::{Decoded, Snapshot};
@@ -18,6 +19,7 @@ use crate::world::graph_spec::Shapes;
 use crate::world::kv_cache::{KvCache, KvPart};
 use crate::world::passes::Passes;
 use crate::world::plan::{CachePass, StepPlan};
+use crate::world::resize::Bilinear;
 use crate::world::world::World;
 use crate::{Error, ErrorKind, Picture, Result};
 
@@ -226,6 +228,21 @@ impl DeviceState {
     /// Reads decoded pictures from picture `i` on, as many as fit in `planes`, `[n, 3, H, W]`; waits for them.
     pub(super) fn read_decoded(&self, i: usize, planes: &mut [f32]) -> Result<()> {
         self.autoencoder.read(&*self.context, i, planes)
+    }
+
+    /// Reads decoded picture `index`, resized by the device; waits for it. Returns false, and does nothing, if the device cannot resize.
+    pub(super) fn read_picture(&mut self, index: usize, resize: &Bilinear, picture: &mut Picture) -> Result<bool> {
+        let [rows, columns] = resize.taps();
+        let from = DecodedPicture {
+            planes: self.autoencoder.pictures(),
+            pictures: self.shapes.pictures,
+            size: self.shapes.decoded,
+            precision: self.precision,
+            index,
+            rows,
+            columns,
+        };
+        self.context.read_picture(&from, picture)
     }
 
     /// The first `count` buffers of the decoder's state.

@@ -274,7 +274,7 @@ impl Rollout {
                 .remedy("Count from 0")
         })?;
         let start = Instant::now();
-        self.readback.read_picture(&self.device, &self.world, index as usize, picture)?;
+        self.readback.read_picture(&mut self.device, &self.world, index as usize, picture)?;
         self.times.add_picture(start);
         Ok(())
     }

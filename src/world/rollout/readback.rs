@@ -52,7 +52,7 @@ impl Readback {
     /// Reads decoded picture `index` and resizes it to render size; waits for it. `picture` is replaced if it has another size.
     pub(super) fn read_picture(
         &mut self,
-        device: &DeviceState,
+        device: &mut DeviceState,
         world: &World,
         index: usize,
         picture: &mut Picture,
@@ -60,6 +60,9 @@ impl Readback {
         let (width, height) = world.render_size();
         if picture.size() != (width, height) {
             *picture = Picture::new(width, height)?;
+        }
+        if device.read_picture(index, &self.to_render, picture)? {
+            return Ok(());
         }
         device.read_decoded(index, &mut self.planes)?;
         self.to_render.to_picture(&self.planes, picture);

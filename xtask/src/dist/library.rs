@@ -94,15 +94,18 @@ pub(super) fn build(
     source: Source,
     build_time: Timestamp,
 ) -> Result<BuiltLibrary, String> {
-    let work = workspace.target.join("xtask").join("dist").join(platform.name());
-    fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    // A folder of its own: two archives may be made at the same time.
+    let parent = workspace.target.join("xtask");
+    let work = fs::create_dir_all(&parent).and_then(|()| tempfile::Builder::new().prefix("dist-").tempdir_in(&parent));
+    let work = work.map_err(|e| format!("{}: {e}", parent.display()))?;
+    let work = work.path();
     let folder = match (platform, source) {
         (_, Source::Release) => compile(workspace, platform, build_time)?,
         (Platform::Windows, Source::Tests) => workspace.target.join(platform.triple()).join("debug"),
-        (Platform::Linux, Source::Tests) => link(workspace, &work)?,
+        (Platform::Linux, Source::Tests) => link(workspace, work)?,
     };
     let [library, debug] = names(platform);
-    split_debug_information(platform, &folder.join(library), &work, build_time)?;
+    split_debug_information(platform, &folder.join(library), work, build_time)?;
     let read = |path: PathBuf| fs::read(&path).map_err(|e| format!("{}: {e}", path.display()));
     let import = match platform {
         Platform::Windows => {
@@ -111,7 +114,7 @@ pub(super) fn build(
         }
         Platform::Linux => None,
     };
-    let check = strip_program(platform, &folder.join(check_name(platform)), &work, build_time)?;
+    let check = strip_program(platform, &folder.join(check_name(platform)), work, build_time)?;
     let unity = match platform {
         Platform::Windows => {
             let stripped = work.join(UNITY);

@@ -1,0 +1,154 @@
+//! Converts decoded pictures on the adapter, so that only 8-bit pixels of the picture's size come to the host.
+
+use std::sync::Arc;
+
+use ort::sys::ONNXTensorElementDataType as Element;
+
+use super::buffer::{DeviceBuffer, WORD};
+use super::helper_graphs::{Binding, SessionUnderLock};
+use super::plugin::Plugin;
+use crate::bundle::{ModelWriter, Precision, ValueType};
+use crate::runtime::aligned_buffer::AlignedBuffer;
+use crate::runtime::execution_context::{BufferId, DecodedPicture, Tap};
+use crate::Result;
+
+/// A graph that resamples one picture of a decoder's output.
+pub(super) struct PictureReader {
+    // Bindings hold addresses of the buffers: they are dropped first.
+    /// One for each buffer of planes.
+    bindings: Vec<(BufferId, Binding)>,
+    session: SessionUnderLock,
+    /// The number of the picture.
+    index: DeviceBuffer,
+    /// The pixels.
+    pixels: DeviceBuffer,
+    /// What the graph was made for.
+    key: Key,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct Key {
+    pictures: usize,
+    size: [usize; 2],
+    precision: Precision,
+    rows: Vec<Tap>,
+    columns: Vec<Tap>,
+}
+
+impl Key {
+    fn of(picture: &DecodedPicture<'_>) -> Self {
+        let (rows, columns) = (picture.rows.to_vec(), picture.columns.to_vec());
+        Self { pictures: picture.pictures, size: picture.size, precision: picture.precision, rows, columns }
+    }
+
+    fn fits(&self, picture: &DecodedPicture<'_>) -> bool {
+        (self.pictures, self.size, self.precision) == (picture.pictures, picture.size, picture.precision)
+            && self.rows == picture.rows
+            && self.columns == picture.columns
+    }
+}
+
+impl PictureReader {
+    pub(super) fn new(plugin: &Arc<Plugin>, picture: &DecodedPicture<'_>) -> Result<Self> {
+        let key = Key::of(picture);
+        let session = SessionUnderLock::new(plugin, &model(&key), "graph that resizes pictures")?;
+        let [index, pixels] = [size_of::<i64>(), key.rows.len() * key.columns.len() * WORD]
+            .map(|bytes| DeviceBuffer::with_contents(plugin, &AlignedBuffer::zeroed(bytes)?));
+        Ok(Self { bindings: Vec::new(), session, index: index?, pixels: pixels?, key })
+    }
+
+    /// Whether the graph resamples pictures like this one.
+    pub(super) fn fits(&self, picture: &DecodedPicture<'_>) -> bool {
+        self.key.fits(picture)
+    }
+
+    /// Resamples a picture of `planes`, which is the buffer that it names, and waits for the pixels.
+    pub(super) fn read(
+        &mut self,
+        picture: &DecodedPicture<'_>,
+        planes: &DeviceBuffer,
+        pixels: &mut [u8],
+    ) -> Result<()> {
+        let at = match self.bindings.iter().position(|(of, _)| *of == picture.planes) {
+            Some(known) => known,
+            None => {
+                self.bindings.push((picture.planes, self.bind(planes)?));
+                self.bindings.len() - 1
+            }
+        };
+        self.index.write(&(picture.index as i64).to_le_bytes())?;
+        self.bindings[at].1.run(self.session.get())?;
+        self.pixels.read(pixels)
+    }
+
+    fn bind(&self, planes: &DeviceBuffer) -> Result<Binding> {
+        let Key { pictures, size: [height, width], precision, rows, columns } = &self.key;
+        let element = match precision {
+            Precision::F32 => Element::ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT,
+            Precision::F16 => Element::ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT16,
+        };
+        let planes = planes.value(&[*pictures, 3, *height, *width], element)?;
+        let index = self.index.value(&[1], Element::ONNX_TENSOR_ELEMENT_DATA_TYPE_INT64)?;
+        let pixels =
+            self.pixels.value(&[1, rows.len(), columns.len()], Element::ONNX_TENSOR_ELEMENT_DATA_TYPE_INT32)?;
+        Binding::new(self.session.get(), &[(c"planes", planes), (c"index", index)], &[(c"pixels", pixels)])
+    }
+}
+
+/// A model of the operations of [`Bilinear::to_picture`](crate::world::Bilinear::to_picture), in their order. Input `planes` is
+/// `[pictures, 3, height, width]`, input `index` the number of the picture; output `pixels`, `[1, rows, columns]`, has red in the lowest
+/// byte of each number and 255 in the highest.
+fn model(Key { pictures, size: [height, width], precision, rows, columns }: &Key) -> Vec<u8> {
+    let mut model = ModelWriter::default();
+    let element = match precision {
+        Precision::F32 => ValueType::F32,
+        Precision::F16 => ValueType::F16,
+    };
+    model.input("planes", element, &[*pictures, 3, *height, *width]);
+    model.input("index", ValueType::I64, &[1]);
+    model.node("Gather", &["planes", "index"], &["chosen"], &[("axis", 0)]);
+    let float = match precision {
+        Precision::F32 => "chosen",
+        Precision::F16 => {
+            model.node("Cast", &["chosen"], &["float"], &[("to", ValueType::F32 as i64)]);
+            "float"
+        }
+    };
+    model.constant("0", &[], &[0.0_f32]);
+    model.constant("1", &[], &[1.0_f32]);
+    model.node("Clip", &[float, "0", "1"], &["clamped"], &[]);
+    interpolate(&mut model, "clamped", "x", 3, columns);
+    interpolate(&mut model, "x", "y", 2, rows);
+    model.constant("255", &[1], &[255.0_f32]);
+    model.constant("half", &[1], &[0.5_f32]);
+    model.node("Mul", &["y", "255"], &["scaled"], &[]);
+    model.node("Add", &["scaled", "half"], &["raised"], &[]);
+    model.node("Floor", &["raised"], &["whole"], &[]);
+    model.node("Cast", &["whole"], &["bytes"], &[("to", ValueType::I32 as i64)]);
+    model.constant("places", &[3, 1, 1], &[1, 1 << 8, 1 << 16]);
+    model.constant("channels", &[1], &[1_i64]);
+    model.constant("opaque", &[1], &[0xFF_i32 << 24]);
+    model.node("Mul", &["bytes", "places"], &["placed"], &[]);
+    model.node("ReduceSum", &["placed", "channels"], &["colour"], &[("keepdims", 0)]);
+    model.node("Add", &["colour", "opaque"], &["pixels"], &[]);
+    model.output("pixels", ValueType::I32, &[1, rows.len(), columns.len()]);
+    model.finish()
+}
+
+/// Interpolates linearly between rows or columns of `from`, which is `[1, 3, height, width]`.
+fn interpolate(model: &mut ModelWriter, from: &str, to: &str, axis: i64, taps: &[Tap]) {
+    let name = |what: &str| format!("{what}.{to}");
+    let [low, high, t, first, second, difference, share] =
+        ["low", "high", "t", "first", "second", "difference", "share"].map(name);
+    let numbers = |of: fn(&Tap) -> usize| taps.iter().map(|tap| of(tap) as i64).collect::<Vec<_>>();
+    model.constant(&low, &[taps.len()], &numbers(|tap| tap.low));
+    model.constant(&high, &[taps.len()], &numbers(|tap| tap.high));
+    let fractions: Vec<_> = taps.iter().map(|tap| tap.t).collect();
+    let shape = if axis == 3 { &[taps.len()][..] } else { &[taps.len(), 1] };
+    model.constant(&t, shape, &fractions);
+    model.node("Gather", &[from, &low], &[&first], &[("axis", axis)]);
+    model.node("Gather", &[from, &high], &[&second], &[("axis", axis)]);
+    model.node("Sub", &[&second, &first], &[&difference], &[]);
+    model.node("Mul", &[&difference, &t], &[&share], &[]);
+    model.node("Add", &[&first, &share], &[to], &[]);
+}
