@@ -7,15 +7,19 @@ use crate::{Error, ErrorKind, Result};
 
 /// Converts a failure of ONNX Runtime to an [`Error`]; `what` is the failed operation, in the infinitive.
 ///
-/// ONNX Runtime has no status code for exhausted memory, so the message is searched.
+/// ONNX Runtime has no status code for exhausted memory or a lost device, so the message is searched.
 pub(super) fn ort_failure<R>(what: &str, error: &ort::Error<R>) -> Error {
     message_error(what, error.message())
 }
 
 fn message_error(what: &str, message: &str) -> Error {
     let exhausted = ["Failed to allocate memory", "bad_alloc", "bad allocation"].iter().any(|s| message.contains(s));
-    let kind = if exhausted { ErrorKind::OutOfMemory } else { ErrorKind::Device };
-    Error::new(kind, format!("ONNX Runtime could not {what}: {}", message.trim_end_matches(['.', '\n'])))
+    let cause = format!("ONNX Runtime could not {what}: {}", message.trim_end_matches(['.', '\n']));
+    // Dawn's words, on which the WebGPU provider is built.
+    if message.contains("[Device] is lost") {
+        return Error::new(ErrorKind::DeviceRemoved, cause).remedy("Release what was made on it and make a new device");
+    }
+    Error::new(if exhausted { ErrorKind::OutOfMemory } else { ErrorKind::Device }, cause)
 }
 
 /// Calls `work`, which only creates objects, and converts a failure or a panic into an [`Error`] that says what failed, `what`. The
@@ -38,7 +42,11 @@ mod tests {
         let error = make::<(), ()>("count", || panic!("no {}", "fingers.")).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Device);
         assert!(error.to_string().contains("ONNX Runtime could not count: no fingers"), "{error}");
-        let error = make::<(), ()>("count", || panic!("Failed to allocate memory")).unwrap_err();
-        assert_eq!(error.kind(), ErrorKind::OutOfMemory);
+        for (message, kind) in [
+            ("Failed to allocate memory", ErrorKind::OutOfMemory),
+            ("MapAsyncStatus value: 4, message: [Device] is lost.", ErrorKind::DeviceRemoved),
+        ] {
+            assert_eq!(make::<(), ()>("count", || panic!("{message}")).unwrap_err().kind(), kind);
+        }
     }
 }

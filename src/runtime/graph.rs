@@ -1,8 +1,8 @@
 //! A session: one graph, loaded from memory and checked against the expected inputs and outputs.
 
-#[cfg(windows)]
 use std::any::Any;
 use std::ffi::CString;
+use std::sync::Arc;
 
 use ort::AsPointer;
 use ort::session::Session;
@@ -77,6 +77,8 @@ pub(crate) struct Graph {
     data: Box<dyn Any + Send + Sync>,
     /// Held while the session is dropped, for backends whose sessions share what is not safe to use from two threads.
     drop_lock: Option<&'static Mutex<()>>,
+    /// Dropped after the session: what it must not outlive.
+    _kept: Option<Arc<dyn Any + Send + Sync>>,
 }
 
 impl Graph {
@@ -111,6 +113,7 @@ impl Graph {
             #[cfg(windows)]
             data: Box::new(()),
             drop_lock: None,
+            _kept: None,
         })
     }
 
@@ -121,9 +124,10 @@ impl Graph {
         self
     }
 
-    /// The same graph with a lock that is held while its session is dropped.
-    pub(super) fn with_drop_lock(mut self, lock: &'static Mutex<()>) -> Self {
+    /// The same graph with a lock that is held while its session is dropped, and with what the session must not outlive.
+    pub(super) fn with_drop_lock(mut self, lock: &'static Mutex<()>, kept: Arc<dyn Any + Send + Sync>) -> Self {
         self.drop_lock = Some(lock);
+        self._kept = Some(kept);
         self
     }
 

@@ -2,6 +2,7 @@
 //! report every number that is not finite. In the lab, with the driver by which the processor emulates an adapter: `cargo xtask test webgpu`.
 #![cfg(target_os = "linux")]
 
+use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
 
@@ -9,6 +10,7 @@ use cairn::bundle::Precision;
 use cairn::runtime::{Device, DeviceKind, WebGpuOptions};
 use cairn::world::{Bilinear, KvPart, OperatingPoint, Rollout, Schedule, World, WorldOptions};
 use cairn::{Error, ErrorKind, Picture};
+use serde_json::Value;
 use test_support::worlds::{self, bundle, controls, fingerprint, ort, point, seeded, webgpu};
 
 fn load(device: &Device, name: &str, precision: Precision) -> Arc<World> {
@@ -254,4 +256,55 @@ fn a_machine_without_an_adapter_is_named() {
     let error = refusal(Some("llvmpipe"));
     assert_eq!(error.kind(), ErrorKind::Unsupported);
     assert!(error.to_string().contains("there is no graphics adapter by Vulkan"), "{error}");
+}
+
+/// A driver that loses its devices while `lost` exists, over the driver of this process, as files in `folder`; sets a command's variables for it.
+fn use_driver_that_loses_devices(command: &mut Command, folder: &Path, lost: &Path) {
+    let own = std::env::var("VK_DRIVER_FILES").expect("the lab names its driver");
+    let text = std::fs::read_to_string(own).expect("a driver's manifest");
+    let mut manifest: Value = serde_json::from_str(&text).expect("JSON");
+    let driver = manifest["ICD"]["library_path"].as_str().expect("a path").to_owned();
+    let program = std::env::current_exe().expect("this program");
+    let double = program.parent().and_then(Path::parent).expect("cargo's folder").join("libvulkan_double.so");
+    manifest["ICD"]["library_path"] = double.to_str().expect("a path").into();
+    let file = folder.join("driver.json");
+    std::fs::write(&file, manifest.to_string()).expect("a manifest");
+    command.env("VK_DRIVER_FILES", file).env("VULKAN_DOUBLE_DRIVER", driver).env("VULKAN_DOUBLE_LOST", lost);
+}
+
+#[test]
+fn a_lost_device_is_a_typed_error_and_a_new_one_works() {
+    if !is_part() {
+        let folder = tempfile::tempdir().expect("a folder");
+        return in_a_process("a_lost_device_is_a_typed_error_and_a_new_one_works", |command| {
+            use_driver_that_loses_devices(command, folder.path(), &folder.path().join("lost"));
+        });
+    }
+    let lost = std::env::var_os("VULKAN_DOUBLE_LOST").expect("set by this test's other process");
+    let device = webgpu();
+    let world = load(&device, "tiny", Precision::F16);
+    let mut rollout = seeded(&world, &point(&world), 7);
+    steps(&mut rollout, 0..2);
+    let before = fingerprint(&mut rollout).expect("bits");
+    std::fs::write(&lost, "").expect("a file");
+    let is_lost = |error: Error| assert_eq!(error.kind(), ErrorKind::DeviceRemoved, "{error}");
+    is_lost(rollout.step(&controls(2)).expect_err("the device is lost"));
+    is_lost(rollout.save().expect_err("its memory cannot be read"));
+    std::fs::remove_file(&lost).expect("removed");
+    is_lost(rollout.step(&controls(2)).expect_err("the driver works again, but the device stays lost"));
+    let options = WebGpuOptions { deterministic: true, adapter: Some("llvmpipe".to_owned()), ..WebGpuOptions::default() };
+    let error = Device::webgpu(&ort(), &options).expect_err("the process has one device, which is lost");
+    assert!(error.to_string().contains("something that was made on it is still there"), "{error}");
+    is_lost(error);
+    drop((rollout, world, device));
+    // A new device works, again and again.
+    for _ in 0..2 {
+        let world = load(&webgpu(), "tiny", Precision::F16);
+        let mut again = seeded(&world, &point(&world), 7);
+        steps(&mut again, 0..2);
+        assert!(fingerprint(&mut again).expect("bits") == before, "the same bits on the new device");
+        std::fs::write(&lost, "").expect("a file");
+        is_lost(again.step(&controls(2)).expect_err("the device is lost"));
+        std::fs::remove_file(&lost).expect("removed");
+    }
 }

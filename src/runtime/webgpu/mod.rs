@@ -39,6 +39,16 @@ pub(super) struct WebGpuBackend {
 
 impl WebGpuBackend {
     pub(super) fn new(ort: &Ort, options: &WebGpuOptions) -> Result<Self> {
+        match Self::load(ort, options) {
+            Err(error) if error.kind() == ErrorKind::DeviceRemoved => {
+                plugin::unload_lost_device(ort)?;
+                Self::load(ort, options)
+            }
+            loaded => loaded,
+        }
+    }
+
+    fn load(ort: &Ort, options: &WebGpuOptions) -> Result<Self> {
         let plugin = Arc::new(Plugin::load(ort, options)?);
         let computes = |precision| {
             let model = self_test::model(precision);
@@ -110,7 +120,7 @@ impl Backend for WebGpuBackend {
         let graph = Graph::commit(builder, what, &model, inputs, &[], outputs)?;
         plugin::refuse_other_providers(graph.session(), what, self.plugin.describe())?;
         // Not before: a refused graph is dropped here, where the lock is held.
-        Ok(Arc::new(graph.with_drop_lock(&LOCK)))
+        Ok(Arc::new(graph.with_drop_lock(&LOCK, self.plugin.registration())))
     }
 
     fn context(&self, _: Option<Duration>) -> Result<Box<dyn ExecutionContext>> {

@@ -3,6 +3,7 @@
 use std::ffi::{CStr, c_char};
 use std::path::Path;
 use std::ptr::null_mut;
+use std::sync::Arc;
 
 use ort::AsPointer;
 use ort::device::Device;
@@ -34,8 +35,14 @@ pub(super) const RECORD_PROVIDERS: &str = "session.record_ep_graph_assignment_in
 /// from two threads.
 pub(super) static LOCK: Mutex<()> = Mutex::new(());
 
-/// Whether the plugin was registered. That can be done once in a process, and lasts until it ends.
-static IS_REGISTERED: Mutex<bool> = Mutex::new(false);
+/// The plugin's library, if it is registered with ONNX Runtime. It has one device for the whole process, which lasts as long.
+static REGISTERED: Mutex<Option<Arc<Registration>>> = Mutex::new(None);
+
+/// Held by all that uses the registered library: its sessions and its memory.
+pub(super) struct Registration(());
+
+/// The library's name in ONNX Runtime.
+const LIBRARY: &CStr = c"cairn-webgpu";
 
 /// Options of a WebGPU device.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -55,7 +62,7 @@ pub struct WebGpuOptions {
 /// The registered plugin, and the adapter.
 pub(super) struct Plugin {
     ort: Ort,
-    /// ONNX Runtime's descriptions of the adapter and of its memory, which last as long as the process.
+    /// ONNX Runtime's descriptions of the adapter and of its memory, which last as long as the registration.
     device: *const sys::OrtEpDevice,
     memory: *const sys::OrtMemoryInfo,
     allocator: *mut sys::OrtAllocator,
@@ -63,6 +70,7 @@ pub(super) struct Plugin {
     description: String,
     #[cfg(target_os = "linux")]
     adapter: Chosen,
+    registration: Arc<Registration>,
 }
 
 // SAFETY: the pointers are to objects of ONNX Runtime's environment, which may be used from any thread, the allocator under `LOCK`.
@@ -73,7 +81,7 @@ unsafe impl Sync for Plugin {}
 impl Plugin {
     /// Registers the plugin that lies beside ONNX Runtime, and chooses an adapter.
     pub(super) fn load(ort: &Ort, options: &super::WebGpuOptions) -> Result<Self> {
-        register(ort, &options.libraries)?;
+        let registration = register(ort, &options.libraries)?;
         let adapter = Chosen::new(options.adapter.as_deref())?;
         fix_adapter(&adapter.name)?;
         let mut devices = ort.environment().devices().filter(|device| device.ep().is_ok_and(|name| name == PROVIDER));
@@ -105,11 +113,17 @@ impl Plugin {
             description,
             #[cfg(target_os = "linux")]
             adapter,
+            registration,
         })
     }
 
     pub(super) fn describe(&self) -> &str {
         &self.description
+    }
+
+    /// What keeps the provider's sessions valid.
+    pub(super) fn registration(&self) -> Arc<Registration> {
+        self.registration.clone()
     }
 
     pub(super) fn environment(&self) -> &Environment {
@@ -178,20 +192,41 @@ fn fix_adapter(name: &str) -> Result<()> {
     }
 }
 
-/// Registers the plugin once.
-fn register(ort: &Ort, search: &LibrarySearch) -> Result<()> {
-    let mut is_registered = IS_REGISTERED.lock();
-    if *is_registered {
-        return Ok(());
+/// Registers the plugin's library, if it is not registered.
+fn register(ort: &Ort, search: &LibrarySearch) -> Result<Arc<Registration>> {
+    let mut registered = REGISTERED.lock();
+    if let Some(registration) = &*registered {
+        return Ok(registration.clone());
     }
     let named = search.webgpu.clone().or_else(|| search.variable(VARIABLE));
     let path = named.unwrap_or_else(|| ort.path().with_file_name(FILE));
     if !path.is_file() {
         return Err(missing(&path, "is not there"));
     }
-    make("load its WebGPU provider", || ort.environment().register_ep_library("cairn-webgpu", &path))
+    let name = LIBRARY.to_string_lossy();
+    make("load its WebGPU provider", || ort.environment().register_ep_library(name, &path))
         .map_err(|error| missing(&path, error.cause()))?;
-    *is_registered = true;
+    Ok(registered.insert(Arc::new(Registration(()))).clone())
+}
+
+/// Unloads the plugin's library with its device, which is lost, so that the next one that is loaded makes another device.
+///
+/// # Errors
+/// `DeviceRemoved` while anything is left that was made on the lost device.
+pub(super) fn unload_lost_device(ort: &Ort) -> Result<()> {
+    let mut registered = REGISTERED.lock();
+    let Some(registration) = &*registered else { return Ok(()) };
+    if Arc::strong_count(registration) > 1 {
+        let cause = "the process's WebGPU device is lost, and something that was made on it is still there";
+        return Err(Error::new(ErrorKind::DeviceRemoved, cause)
+            .remedy("Release all rollouts, worlds and devices on it, then make a new device"));
+    }
+    let unregister = ort::api().UnregisterExecutionProviderLibrary;
+    let _held = LOCK.lock();
+    // SAFETY: a live environment, and the name of a library whose sessions and memory are gone.
+    let status = unsafe { unregister(ort.environment().ptr().cast_mut(), LIBRARY.as_ptr()) };
+    check("unload its WebGPU provider", status)?;
+    *registered = None;
     Ok(())
 }
 
