@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use cairn::bundle::{Bundle, MANIFEST_NAME, Precision};
+use cairn::runtime::DeviceKind;
 use cairn::world::{HalfPrecision, MAX_LATENT_ERROR, Rollout, World, WorldOptions};
 use cairn::{ErrorKind, Result};
 use half::f16;
@@ -74,8 +75,11 @@ fn float16_is_enough_for_the_test_worlds() {
     for (name, is_wide) in [("tiny", false), ("tiny-residual", true), ("miniature-8bit", false)] {
         let found = comparison(name);
         assert_eq!(found.is_residual_wide, is_wide);
-        assert!(found.latent_error > 0.0 && found.latent_error < MAX_LATENT_ERROR / 3.0, "{name}");
-        assert!(found.worst_layer.1 > 0.0 && found.worst_layer.1 < MAX_LATENT_ERROR, "{name}");
+        // WebGPU's provider adds products in float16, others in float32: its errors are twice theirs.
+        let factor = if device().kind() == DeviceKind::WebGpu { 2.5 } else { 1.0 };
+        let (most, most_of_a_layer) = (factor * MAX_LATENT_ERROR / 3.0, factor * MAX_LATENT_ERROR);
+        assert!(found.latent_error > 0.0 && found.latent_error < most, "{name}");
+        assert!(found.worst_layer.1 > 0.0 && found.worst_layer.1 < most_of_a_layer, "{name}");
         let peak = found.peak.expect("transformers that name their values alike");
         assert!(peak.magnitude > 1.0 && peak.magnitude < 65504.0, "{name}: {peak:?}");
     }

@@ -1,10 +1,10 @@
 //! Invalid calls of a rollout are refused, and a failure leaves it unchanged.
 
-use cairn::bundle::{Precision, Processor};
+use cairn::bundle::Precision;
 use cairn::runtime::{CpuOptions, Device};
 use cairn::world::{ControlInput, KeySet, OperatingPoint, Rollout, World, WorldOptions};
 use cairn::{Error, ErrorKind, Picture};
-use test_support::worlds::{self, controls, fingerprint, picture, point, seeded, world};
+use test_support::worlds::{self, controls, fingerprint, picture, point, processor, seeded, world};
 
 /// Runs a call that must fail, and checks that the rollout is unchanged.
 fn expect_failure(rollout: &mut Rollout, what: impl FnOnce(&mut Rollout) -> Result<(), Error>) -> Error {
@@ -126,10 +126,11 @@ fn an_operating_point_of_another_window_is_refused() {
 #[test]
 fn worlds_larger_than_memory_are_refused_with_sizes_before_loading() {
     let (device, bundle) = (worlds::device(), worlds::bundle("tiny"));
-    let need = bundle.memory_need(Precision::F32, Processor::Cpu, 64).expect("figures");
+    let precision = Precision::F32;
+    let need = bundle.memory_need(precision, processor(&device), 64).expect("figures");
     let load = |limit| {
         let options = WorldOptions { global_window: Some(64), memory_limit: Some(limit), ..Default::default() };
-        World::load(&device, &bundle, options)
+        World::load(&device, &bundle, WorldOptions { precision: Some(precision), ..options })
     };
     let error = load(need.total - 1).expect_err("one byte too few");
     assert_eq!(error.kind(), ErrorKind::OutOfMemory);
@@ -141,7 +142,7 @@ fn worlds_larger_than_memory_are_refused_with_sizes_before_loading() {
 fn a_window_is_narrowed_to_the_available_memory_on_request() {
     let (device, bundle) = (worlds::device(), worlds::bundle("tiny"));
     let precision = Precision::F32;
-    let need = |g| bundle.memory_need(precision, Processor::Cpu, g).expect("figures").total;
+    let need = |g| bundle.memory_need(precision, processor(&device), g).expect("figures").total;
     let load = |limit| {
         let options = WorldOptions { global_window: Some(64), memory_limit: Some(limit), ..Default::default() };
         World::load(&device, &bundle, WorldOptions { precision: Some(precision), fit_window: true, ..options })

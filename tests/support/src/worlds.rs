@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use cairn::bundle::{Bundle, Precision};
+use cairn::bundle::{Bundle, Precision, Processor};
 use cairn::runtime::{CpuOptions, Device, Ort, WebGpuOptions};
 use cairn::world::{
     CacheMode, ControlInput, Key, KeySet, OperatingPoint, Preset, Rollout, Schedule, World, WorldOptions,
@@ -51,6 +51,11 @@ pub fn webgpu() -> Device {
     let adapter = std::env::var("CAIRN_TEST_ADAPTER").unwrap_or_else(|_| "llvmpipe".to_owned());
     let options = WebGpuOptions { deterministic: true, adapter: Some(adapter), ..WebGpuOptions::default() };
     Device::webgpu(&ort(), &options).expect("an adapter, and the plugin beside ONNX Runtime")
+}
+
+/// What a bundle's need of memory on `device` is that of.
+pub fn processor(device: &Device) -> Processor {
+    if device.is_gpu() { Processor::Gpu } else { Processor::Cpu }
 }
 
 /// The world of the test bundle `name` at its default window, in single precision on every device.

@@ -204,6 +204,14 @@ pub(super) const THOROUGH: &[Part] = &[
     },
     Part {
         runner: Runner {
+            name: "webgpu-all",
+            what: "all tests of worlds, 500 latents with flat memory, and parity with the oracle, on WebGPU",
+            run: webgpu::run_all,
+        },
+        minutes: 40,
+    },
+    Part {
+        runner: Runner {
             name: "cairn-check-all",
             what: "every check of cairn-check on an adapter that a processor emulates",
             run: check::run_all,

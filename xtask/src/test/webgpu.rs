@@ -1,5 +1,5 @@
-//! Worlds on ONNX Runtime's WebGPU provider, in the lab, on its software Vulkan driver: tests of their own, saved states, and parity with the
-//! oracle.
+//! Worlds on ONNX Runtime's WebGPU provider, in the lab, on its software Vulkan driver: tests of their own, the tests that worlds on other
+//! devices pass, and parity with the oracle. Every run has a short form, `--thorough` runs all.
 
 use std::process::Command;
 
@@ -7,50 +7,110 @@ use super::tally::{Skip, Tally};
 use super::{Context, cargo, lab, python};
 use crate::shell::Log;
 
-/// Tests of saved states that also run in every test of DirectML.
-const STATES: [&str; 2] =
-    ["a_restored_rollout_continues_bit_for_bit", "a_state_continues_bit_for_bit_in_another_process"];
+/// Test programs for worlds on any device, and the tests of each that are in every run.
+const SHORT: [(&str, &[&str]); 2] = [
+    (
+        "rollout_state",
+        &["a_restored_rollout_continues_bit_for_bit", "a_state_continues_bit_for_bit_in_another_process"],
+    ),
+    ("rollout_budget", &["a_narrower_window_sees_the_newest_latents_and_a_wider_one_forgets_none"]),
+];
+
+/// The programs whose tests all run with `--thorough`.
+const PROGRAMS: [&str; 7] =
+    ["rollout", "rollout_budget", "rollout_refusals", "rollout_state", "slices", "half_precision", "quantised_worlds"];
+
+/// Latents of the soak.
+const SOAK_LATENTS: &str = "500";
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    if cfg!(windows) {
-        let reason = "the tests are for Linux, where the lab emulates an adapter".to_owned();
-        return Ok(Tally { skips: vec![Skip { name: "worlds on WebGPU".to_owned(), reason }], ..Tally::default() });
-    }
-    if let Some(skip) = lab::skip_unless_possible("worlds on WebGPU")? {
+    if let Some(skip) = skip()? {
         return Ok(Tally { skips: vec![skip], ..Tally::default() });
     }
-    let mut tally = tests(context, log, "webgpu", &[])?;
-    tally.add(tests(context, log, "rollout_state", &STATES)?);
-    tally.add(parity(context, log)?);
+    // A driver's double among them, which a test loads.
+    context.build_programs(log)?;
+    let mut tally = tests(context, log, "webgpu", |_| ())?;
+    for (program, chosen) in SHORT {
+        tally.add(worlds(context, log, program, |command| {
+            command.arg("--exact").args(chosen).env("CAIRN_TEST_SHORT", "1");
+        })?);
+    }
+    tally.add(parity(context, log, true)?);
     Ok(tally)
 }
 
-/// Runs a test program of the library on the adapter, or some of its tests. One at a time, as each has worlds of its own in the memory of an
-/// adapter that the processor emulates.
-fn tests(context: &Context<'_>, log: &mut Log, program: &str, chosen: &[&str]) -> Result<Tally, String> {
+/// All tests of worlds on any device, the soak, and all of the comparison with the oracle.
+pub(super) fn run_all(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    if let Some(skip) = skip()? {
+        return Ok(Tally { skips: vec![skip], ..Tally::default() });
+    }
+    let mut tally = Tally::default();
+    for program in PROGRAMS {
+        tally.add(worlds(context, log, program, |_| ())?);
+    }
+    tally.add(worlds(context, log, "soak", |command| {
+        command.env("CAIRN_SOAK_LATENTS", SOAK_LATENTS);
+    })?);
+    tally.add(parity(context, log, false)?);
+    Ok(tally)
+}
+
+/// Why this machine cannot run them.
+fn skip() -> Result<Option<Skip>, String> {
+    if cfg!(windows) {
+        let reason = "the tests are for Linux, where the lab emulates an adapter".to_owned();
+        return Ok(Some(Skip { name: "worlds on WebGPU".to_owned(), reason }));
+    }
+    lab::skip_unless_possible("worlds on WebGPU")
+}
+
+/// Runs a test program of the library on the adapter, with more arguments or variables. One test at a time, as each has worlds of its own in
+/// the memory of an adapter that the processor emulates.
+fn tests(
+    context: &Context<'_>,
+    log: &mut Log,
+    program: &str,
+    more: impl FnOnce(&mut Command),
+) -> Result<Tally, String> {
     // Of the whole workspace, as in the runner `build`, so that no package is compiled again with other features.
     let mut command = context.workspace.cargo(["test", "--workspace", "--test", program]);
     lab::run_in_lab(&mut command, &cargo::host()?)?;
     context.provide_webgpu_worlds(&mut command)?;
     command.args(["--", "--test-threads=1"]);
-    if !chosen.is_empty() {
-        command.arg("--exact").args(chosen).env("CAIRN_TEST_SHORT", "1").env("CAIRN_TEST_DEVICE", "webgpu");
-    }
+    more(&mut command);
     Ok(cargo::count(&log.run(&mut command)?))
 }
 
-/// Compares short rollouts with a recomputation of the whole history.
-fn parity(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+/// Runs a test program for worlds on any device.
+fn worlds(
+    context: &Context<'_>,
+    log: &mut Log,
+    program: &str,
+    more: impl FnOnce(&mut Command),
+) -> Result<Tally, String> {
+    tests(context, log, program, |command| {
+        command.env("CAIRN_TEST_DEVICE", "webgpu");
+        more(command);
+    })
+}
+
+/// Compares rollouts with a recomputation of the whole history; the short form compares short ones.
+fn parity(context: &Context<'_>, log: &mut Log, is_short: bool) -> Result<Tally, String> {
     let build = ["build", "--workspace", "--bin", "parity-trace"];
     log.run(&mut context.workspace.cargo(build))?;
     let mut command = Command::new(context.python()?);
-    command.env("PYTHONPATH", provision::python_path()).env("PARITY_DEVICE", "webgpu").env("PARITY_CASES", "short");
+    command.env("PYTHONPATH", provision::python_path()).env("PARITY_DEVICE", "webgpu");
     command.env("PARITY_TRACE", context.workspace.target.join("debug").join("parity-trace"));
     let runner = lab::lab_run()?;
     let words: Vec<_> = std::iter::once(runner.get_program()).chain(runner.get_args()).collect();
     command.env("PARITY_RUNNER", words.join(" ".as_ref()));
     context.provide_webgpu_worlds(&mut command)?;
-    // The first latents see little of the past, so these tests need more of them.
-    let chosen = ["test_rollout.py", "-k", "not real_windows and not past_carries"];
-    python::pytest(context, log, command, "tests/parity", ("parity-webgpu", &chosen))
+    let chosen: &[&str] = if is_short {
+        command.env("PARITY_CASES", "short");
+        // The first latents see little of the past, so these tests need more of them.
+        &["test_rollout.py", "-k", "not real_windows and not past_carries"]
+    } else {
+        &["test_rollout.py"]
+    };
+    python::pytest(context, log, command, "tests/parity", ("parity-webgpu", chosen))
 }
