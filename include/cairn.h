@@ -461,6 +461,26 @@ CAIRN_API cairn_result cairn_device_create_gpu(
     const char *adapter, const cairn_device_options *options, cairn_device **device);
 
 /**
+ * Creates the best device of this machine: on Windows by DirectML on the first Direct3D 12 adapter, elsewhere and where that is not possible
+ * as cairn_device_create_gpu with no name, else on the processor as cairn_device_create_cpu. Adapters that the processor emulates are not taken.
+ * A host that has a Direct3D 12 device uses cairn_device_create_d3d12 with that. cairn_device_get_info names the kind that was taken.
+ * Experimental: this function may change without a new CAIRN_ABI_VERSION.
+ *
+ * options: may be null for the defaults. threads are for a CPU device.
+ * refusals: gets a line for each better kind that was not taken, with the reason, for people; UTF-8, cut to whole characters. At least capacity
+ * bytes, or null with capacity 0. Always ends in a NUL when capacity > 0. The same is in the log.
+ * length: gets the length without the NUL; may be null.
+ *
+ * Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written. What options point to is read during
+ * the call only. ONNX Runtime and this library stay loaded until the process ends.
+ * Threads: any thread, at any time. Takes up to seconds the first time.
+ * Results: CAIRN_OK; CAIRN_TRUNCATED when the device is there and refusals do not fit; else as cairn_device_create_cpu.
+ * Since: 0.1.0
+ */
+CAIRN_API cairn_result cairn_device_create_auto(
+    const cairn_device_options *options, char *refusals, size_t capacity, size_t *length, cairn_device **device);
+
+/**
  * Gives the properties of a device.
  *
  * Ownership: info stays the caller's and is filled on success; on failure it is not written.
@@ -498,6 +518,10 @@ CAIRN_API cairn_result cairn_device_destroy(cairn_device *device);
 #define CAIRN_REQUIREMENT_FSR_SHADER_MODEL 8
 /** The library's own shaders on the first adapter, for frames between anchors. */
 #define CAIRN_REQUIREMENT_SHADERS 9
+/** The library of ONNX Runtime's WebGPU provider. */
+#define CAIRN_REQUIREMENT_WEBGPU 10
+/** A graphics adapter for the WebGPU provider. */
+#define CAIRN_REQUIREMENT_ADAPTER 11
 /** The requirement is met. */
 #define CAIRN_REQUIREMENT_MET 1
 /** The requirement is not met, and the device cannot be created. */
@@ -511,9 +535,9 @@ CAIRN_API cairn_result cairn_device_destroy(cairn_device *device);
 typedef struct cairn_adapter {
     /** The stride of the array. */
     uint32_t struct_size;
-    /** CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12 */
+    /** CAIRN_DEVICE_CPU, CAIRN_DEVICE_D3D12 or CAIRN_DEVICE_WEBGPU */
     uint32_t kind;
-    /** Its index among those of its kind, from 0. */
+    /** Its index among those of its kind, from 0. As text it names a WebGPU adapter for cairn_device_create_gpu. */
     uint32_t index;
     /** 0 */
     uint32_t reserved;
@@ -529,7 +553,7 @@ typedef struct cairn_adapter {
 typedef struct cairn_requirement {
     /** The stride of the array. */
     uint32_t struct_size;
-    /** CAIRN_REQUIREMENT_PLATFORM to CAIRN_REQUIREMENT_SHADERS; a newer library may have more. */
+    /** CAIRN_REQUIREMENT_PLATFORM to CAIRN_REQUIREMENT_ADAPTER; a newer library may have more. */
     uint32_t what;
     /** CAIRN_REQUIREMENT_MET, CAIRN_REQUIREMENT_NOT_MET, CAIRN_REQUIREMENT_UNKNOWN or CAIRN_REQUIREMENT_OPTIONAL */
     uint32_t status;
@@ -542,7 +566,8 @@ typedef struct cairn_requirement {
 } cairn_requirement;
 
 /**
- * Lists what devices can be created on: always the processor, and the Direct3D 12 adapters if this build can use them.
+ * Lists what devices can be created on: always the processor, on Windows the Direct3D 12 adapters if this build can use them, and on Linux
+ * the adapters that Vulkan lists, which need the library of the WebGPU provider as well (cairn_device_requirements).
  *
  * adapters: an array of capacity elements, stride bytes apart, usually sizeof(cairn_adapter); null with capacity 0 to learn
  * the count.
@@ -558,7 +583,7 @@ CAIRN_API cairn_result cairn_adapters(cairn_adapter *adapters, size_t stride, ui
 /**
  * Lists what a device of that kind needs and what was found, so that a player can be shown why a feature is unavailable.
  *
- * kind: CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12.
+ * kind: CAIRN_DEVICE_CPU, CAIRN_DEVICE_D3D12 or CAIRN_DEVICE_WEBGPU.
  * options: the options that the device would be created with; may be null.
  * requirements: an array of capacity elements, stride bytes apart, usually sizeof(cairn_requirement); null with capacity 0 to
  * learn the count.
@@ -566,7 +591,8 @@ CAIRN_API cairn_result cairn_adapters(cairn_adapter *adapters, size_t stride, ui
  *
  * Ownership: the array stays the caller's and is filled on success; on failure it is not written.
  * Threads: any thread, at any time. Searches for ONNX Runtime where options say and loads it as cairn_device_create_cpu does; for
- * CAIRN_DEVICE_D3D12 also AMD's libraries, which stay loaded. Of these, only files that AMD has signed are loaded.
+ * CAIRN_DEVICE_D3D12 also AMD's libraries, which stay loaded. Of these, only files that AMD has signed are loaded. For CAIRN_DEVICE_WEBGPU
+ * also the provider's library, which stays loaded.
  * Results: CAIRN_OK, also when something is missing; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
  * Since: 0.1.0
  */

@@ -42,6 +42,7 @@
 
 #include "cairn.h"
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
@@ -521,6 +522,20 @@ public:
     static result<device> gpu(const char *name = nullptr, const device_options &options = {})
     {
         return detail::create<device>([&](cairn_device **to) { return cairn_device_create_gpu(name, &options, to); });
+    }
+
+    /**
+     * Creates the best device of this machine: cairn_device_create_auto. `refusals`, if it is not null, gets a line for each better kind that
+     * was not taken, with the reason. Experimental.
+     */
+    static result<device> best(const device_options &options = {}, std::string *refusals = nullptr)
+    {
+        std::array<char, 4096> text{};
+        auto made = detail::create<device>([&](cairn_device **to) {
+            return cairn_device_create_auto(&options, text.data(), text.size(), nullptr, to);
+        });
+        if (refusals != nullptr && made.ok()) *refusals = text.data();
+        return made;
     }
 
 #if defined(_WIN32)

@@ -65,6 +65,7 @@ extern "C" {
     X(cairn_result, cairn_set_scheduler, (const cairn_scheduler *scheduler)) \
     X(cairn_result, cairn_device_create_cpu, (const cairn_device_options *options, cairn_device **device)) \
     X(cairn_result, cairn_device_create_gpu, (const char *adapter, const cairn_device_options *options, cairn_device **device)) \
+    X(cairn_result, cairn_device_create_auto, (const cairn_device_options *options, char *refusals, size_t capacity, size_t *length, cairn_device **device)) \
     X(cairn_result, cairn_device_get_info, (const cairn_device *device, cairn_device_info *info)) \
     X(cairn_result, cairn_device_destroy, (cairn_device *device)) \
     X(cairn_result, cairn_adapters, (cairn_adapter *adapters, size_t stride, uint32_t capacity, uint32_t *count)) \

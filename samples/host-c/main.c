@@ -59,7 +59,7 @@ static uint32_t on_load(const cairn_load_progress *progress, void *user)
 }
 
 /* Prints what a device needs and what was found, when a device cannot be created. */
-static void print_requirements(const cairn_device_options *options)
+static void print_requirements(uint32_t kind, const cairn_device_options *options)
 {
     cairn_requirement requirements[16];
     uint32_t count = 0;
@@ -67,7 +67,7 @@ static void print_requirements(const cairn_device_options *options)
     for (size_t i = 0; i < sizeof requirements / sizeof requirements[0]; i++) {
         requirements[i].struct_size = sizeof requirements[i];
     }
-    if (!succeeded(cairn_device_requirements(CAIRN_DEVICE_CPU, options, requirements, sizeof requirements[0],
+    if (!succeeded(cairn_device_requirements(kind, options, requirements, sizeof requirements[0],
                                           sizeof requirements / sizeof requirements[0], &count))) {
         return;
     }
@@ -82,13 +82,22 @@ static void print_requirements(const cairn_device_options *options)
 
 static int make_device(const options *options, cairn_device **device)
 {
-    const cairn_device_options cpu = {
-        .struct_size = sizeof cpu, .threads = options->threads, .onnxruntime = options->onnxruntime,
+    const cairn_device_options settings = {
+        .struct_size = sizeof settings, .threads = options->threads, .onnxruntime = options->onnxruntime,
         /* This is a tool, so its user's environment may name libraries. A game leaves this flag out. */
         .flags = CAIRN_DEVICE_ENVIRONMENT};
-    if (!succeeded(cairn_device_create_cpu(&cpu, device))) {
-        print_requirements(&cpu);
+    const int on_gpu = strcmp(options->device, "gpu") == 0;
+    char refusals[2048] = "";
+    const cairn_result r = on_gpu ? cairn_device_create_gpu(NULL, &settings, device)
+                           : strcmp(options->device, "auto") == 0
+                               ? cairn_device_create_auto(&settings, refusals, sizeof refusals, NULL, device)
+                               : cairn_device_create_cpu(&settings, device);
+    if (!succeeded(r)) {
+        print_requirements(on_gpu ? CAIRN_DEVICE_WEBGPU : CAIRN_DEVICE_CPU, &settings);
         return 0;
+    }
+    if (refusals[0] != '\0') {
+        printf("%s\n", refusals);
     }
     cairn_device_info info = {.struct_size = sizeof info};
     if (!succeeded(cairn_device_get_info(*device, &info))) {

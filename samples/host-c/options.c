@@ -20,6 +20,7 @@ const char options_help[] =
     "  --seed-picture FILE  where it begins, a PPM (P6) of any size; without one, a pattern\n"
     "  --preset TEXT        how it runs, such as baseline-112 or stock,g64\n"
     "  --seed N             decides all noise; 0 without it\n"
+    "  --device DEVICE      cpu, which is the default; gpu for a graphics adapter by ONNX Runtime's WebGPU provider; or auto for the best\n"
     "  --threads N          threads of a pass; one for each physical core without it\n"
     "  --onnxruntime FILE   the library of ONNX Runtime 1.24 or newer; without it, Cairn looks for one\n"
     "  --verbose            say what the library says\n"
@@ -63,6 +64,7 @@ static int read_seconds(const char *text, double *seconds)
 request options_read(options *options, int count, char **arguments)
 {
     memset(options, 0, sizeof *options);
+    options->device = "cpu";
     for (int i = 1; i < count; i++) {
         const char *name = arguments[i];
         if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0) {
@@ -87,6 +89,7 @@ request options_read(options *options, int count, char **arguments)
             {"--out", &options->out},
             {"--seed-picture", &options->seed_picture},
             {"--preset", &options->preset},
+            {"--device", &options->device},
             {"--onnxruntime", &options->onnxruntime},
         };
         const char **text = NULL;
@@ -105,6 +108,9 @@ request options_read(options *options, int count, char **arguments)
         }
         const char *value = arguments[i];
         uint64_t number = 0;
+        if (text == &options->device && strcmp(value, "cpu") != 0 && strcmp(value, "gpu") != 0 && strcmp(value, "auto") != 0) {
+            return wrong("is no device; use cpu, gpu or auto", value);
+        }
         if (text != NULL) {
             *text = value;
         } else if (strcmp(name, "--seconds") == 0) {

@@ -10,6 +10,7 @@ typedef struct options {
     const char *seed_picture; /* PPM, or null for a pattern */
     const char *preset;       /* operating point, or null for the library's default */
     const char *out;          /* .y4m or .ppm, or null to write nothing */
+    const char *device;       /* "cpu", "gpu" or "auto" */
     const char *onnxruntime;  /* library file, or null to let Cairn search for it */
     double seconds;           /* world time; 0 for the duration of the script, or for 1 second without a script */
     uint64_t seed;

@@ -7,7 +7,7 @@ use super::boundary::call;
 use super::handles::{Handle, Kind, Object, destroy, enter, insert};
 use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
 use super::structs::{Out, check_out, describe, read_or_default};
-use super::text::{fixed_text, optional_text};
+use super::text::{copy_text, fixed_text, optional_text};
 use crate::LibrarySearch;
 use crate::bundle::Precision;
 use crate::runtime::{CpuOptions, Device, DeviceKind, Ort, WebGpuOptions};
@@ -154,6 +154,48 @@ pub unsafe extern "C" fn cairn_device_create_gpu(
         // SAFETY: checked above; writable by the host's promise.
         unsafe { device.write(handle) };
         Ok(CAIRN_OK)
+    })
+}
+
+/// Creates the best device of this machine: on Windows by DirectML on the first Direct3D 12 adapter, elsewhere and where that is not possible
+/// as cairn_device_create_gpu with no name, else on the processor as cairn_device_create_cpu. Adapters that the processor emulates are not taken.
+/// A host that has a Direct3D 12 device uses cairn_device_create_d3d12 with that. cairn_device_get_info names the kind that was taken.
+/// Experimental: this function may change without a new CAIRN_ABI_VERSION.
+///
+/// options: may be null for the defaults. threads are for a CPU device.
+/// refusals: gets a line for each better kind that was not taken, with the reason, for people; UTF-8, cut to whole characters. At least capacity
+/// bytes, or null with capacity 0. Always ends in a NUL when capacity > 0. The same is in the log.
+/// length: gets the length without the NUL; may be null.
+///
+/// Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written. What options point to is read during
+/// the call only. ONNX Runtime and this library stay loaded until the process ends.
+/// Threads: any thread, at any time. Takes up to seconds the first time.
+/// Results: CAIRN_OK; CAIRN_TRUNCATED when the device is there and refusals do not fit; else as cairn_device_create_cpu.
+/// Since: 0.1.0
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn cairn_device_create_auto(
+    options: *const cairn_device_options,
+    refusals: *mut c_char,
+    capacity: usize,
+    length: *mut usize,
+    device: *mut *mut cairn_device,
+) -> cairn_result {
+    call("cairn_device_create_auto", || {
+        check_out(device, "device")?;
+        // SAFETY: the host's promise about `options`.
+        let options = unsafe { DeviceOptions::read(options) }?;
+        let ort = Ort::find(&options.libraries)?;
+        let (made, refused) = Device::auto(&ort, options.cpu, &options.libraries)?;
+        let lines: Vec<_> = refused.iter().map(|(kind, why)| format!("not {kind}: {why}")).collect();
+        for line in &lines {
+            log::warn!("{line}");
+        }
+        // SAFETY: the host's promise about the buffer and the length.
+        let result = unsafe { copy_text(&lines.join("\n"), refusals, capacity, length) }?;
+        let handle = insert::<cairn_device>(made)?;
+        // SAFETY: checked above; writable by the host's promise.
+        unsafe { device.write(handle) };
+        Ok(result)
     })
 }
 

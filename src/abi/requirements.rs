@@ -4,12 +4,12 @@ use std::ffi::c_char;
 
 use super::boundary::call;
 use super::d3d12::backend;
-use super::device::{CAIRN_DEVICE_CPU, CAIRN_DEVICE_D3D12, DeviceOptions, cairn_device_options};
+use super::device::{CAIRN_DEVICE_CPU, CAIRN_DEVICE_D3D12, CAIRN_DEVICE_WEBGPU, DeviceOptions, cairn_device_options};
 use super::results::{CAIRN_OK, Failure, cairn_result};
 use super::structs::{describe, write_array};
 use super::text::fixed_text;
 use crate::bundle::available_memory;
-use crate::runtime::Ort;
+use crate::runtime::{Ort, WebGpuRequirements, webgpu_adapters};
 
 /// The operating system and the build of this library.
 pub const CAIRN_REQUIREMENT_PLATFORM: u32 = 1;
@@ -30,6 +30,10 @@ pub const CAIRN_REQUIREMENT_FSR_DIRECT3D: u32 = 7;
 pub const CAIRN_REQUIREMENT_FSR_SHADER_MODEL: u32 = 8;
 /// The library's own shaders on the first adapter, for frames between anchors.
 pub const CAIRN_REQUIREMENT_SHADERS: u32 = 9;
+/// The library of ONNX Runtime's WebGPU provider.
+pub const CAIRN_REQUIREMENT_WEBGPU: u32 = 10;
+/// A graphics adapter for the WebGPU provider.
+pub const CAIRN_REQUIREMENT_ADAPTER: u32 = 11;
 
 /// The requirement is met.
 pub const CAIRN_REQUIREMENT_MET: u32 = 1;
@@ -46,9 +50,9 @@ pub const CAIRN_REQUIREMENT_OPTIONAL: u32 = 4;
 pub struct cairn_adapter {
     /// The stride of the array.
     pub struct_size: u32,
-    /// CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12
+    /// CAIRN_DEVICE_CPU, CAIRN_DEVICE_D3D12 or CAIRN_DEVICE_WEBGPU
     pub kind: u32,
-    /// Its index among those of its kind, from 0.
+    /// Its index among those of its kind, from 0. As text it names a WebGPU adapter for cairn_device_create_gpu.
     pub index: u32,
     /// 0
     pub reserved: u32,
@@ -67,7 +71,7 @@ describe!(cairn_adapter, [], { struct_size, kind, index, reserved, luid, memory,
 pub struct cairn_requirement {
     /// The stride of the array.
     pub struct_size: u32,
-    /// CAIRN_REQUIREMENT_PLATFORM to CAIRN_REQUIREMENT_SHADERS; a newer library may have more.
+    /// CAIRN_REQUIREMENT_PLATFORM to CAIRN_REQUIREMENT_ADAPTER; a newer library may have more.
     pub what: u32,
     /// CAIRN_REQUIREMENT_MET, CAIRN_REQUIREMENT_NOT_MET, CAIRN_REQUIREMENT_UNKNOWN or CAIRN_REQUIREMENT_OPTIONAL
     pub status: u32,
@@ -80,7 +84,8 @@ pub struct cairn_requirement {
 }
 describe!(cairn_requirement, [], { struct_size, what, status, reserved, needed, found });
 
-/// Lists what devices can be created on: always the processor, and the Direct3D 12 adapters if this build can use them.
+/// Lists what devices can be created on: always the processor, on Windows the Direct3D 12 adapters if this build can use them, and on Linux
+/// the adapters that Vulkan lists, which need the library of the WebGPU provider as well (cairn_device_requirements).
 ///
 /// adapters: an array of capacity elements, stride bytes apart, usually sizeof(cairn_adapter); null with capacity 0 to learn
 /// the count.
@@ -107,7 +112,16 @@ pub unsafe extern "C" fn cairn_adapters(
             memory: total_memory().unwrap_or(0),
             name: fixed_text(&processor_name()),
         };
-        let rows: Vec<_> = std::iter::once(processor).chain(backend::list()).collect();
+        let by_webgpu = (0..).zip(webgpu_adapters()).map(|(index, adapter)| cairn_adapter {
+            struct_size: 0,
+            kind: CAIRN_DEVICE_WEBGPU,
+            index,
+            reserved: 0,
+            luid: 0,
+            memory: adapter.memory,
+            name: fixed_text(&adapter.name),
+        });
+        let rows: Vec<_> = std::iter::once(processor).chain(backend::list()).chain(by_webgpu).collect();
         // SAFETY: the host's promise about the array and the count.
         unsafe { write_array(&rows, adapters, "adapters", stride, capacity, count) }?;
         Ok(CAIRN_OK)
@@ -116,7 +130,7 @@ pub unsafe extern "C" fn cairn_adapters(
 
 /// Lists what a device of that kind needs and what was found, so that a player can be shown why a feature is unavailable.
 ///
-/// kind: CAIRN_DEVICE_CPU or CAIRN_DEVICE_D3D12.
+/// kind: CAIRN_DEVICE_CPU, CAIRN_DEVICE_D3D12 or CAIRN_DEVICE_WEBGPU.
 /// options: the options that the device would be created with; may be null.
 /// requirements: an array of capacity elements, stride bytes apart, usually sizeof(cairn_requirement); null with capacity 0 to
 /// learn the count.
@@ -124,7 +138,8 @@ pub unsafe extern "C" fn cairn_adapters(
 ///
 /// Ownership: the array stays the caller's and is filled on success; on failure it is not written.
 /// Threads: any thread, at any time. Searches for ONNX Runtime where options say and loads it as cairn_device_create_cpu does; for
-/// CAIRN_DEVICE_D3D12 also AMD's libraries, which stay loaded. Of these, only files that AMD has signed are loaded.
+/// CAIRN_DEVICE_D3D12 also AMD's libraries, which stay loaded. Of these, only files that AMD has signed are loaded. For CAIRN_DEVICE_WEBGPU
+/// also the provider's library, which stays loaded.
 /// Results: CAIRN_OK, also when something is missing; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
@@ -146,12 +161,36 @@ pub unsafe extern "C" fn cairn_device_requirements(
                 memory(),
             ],
             CAIRN_DEVICE_D3D12 => backend::requirements(options),
+            CAIRN_DEVICE_WEBGPU => of_webgpu(options),
             other => return Err(Failure::argument("kind", format!("{other} is no kind of device"))),
         };
         // SAFETY: the host's promise about the array and the count.
         unsafe { write_array(&rows, requirements, "requirements", stride, capacity, count) }?;
         Ok(CAIRN_OK)
     })
+}
+
+/// Requirements of a device on an adapter through the WebGPU provider.
+fn of_webgpu(options: DeviceOptions) -> Vec<cairn_requirement> {
+    let status = |met| if met { CAIRN_REQUIREMENT_MET } else { CAIRN_REQUIREMENT_NOT_MET };
+    let is_known = cfg!(any(target_os = "linux", windows));
+    let mut rows =
+        vec![row(CAIRN_REQUIREMENT_PLATFORM, status(is_known), "Linux; on Windows it was not tested", &platform())];
+    let ort = Ort::find(&options.libraries);
+    if let Ok(ort) = &ort {
+        let WebGpuRequirements { library, adapter } = WebGpuRequirements::find(ort, &options.libraries);
+        let is_there = library.is_ok();
+        let found = library.map_or_else(|error| error.to_string(), |path| path.display().to_string());
+        let needed = "the library of the PyPI package onnxruntime-ep-webgpu 0.4.0";
+        rows.push(row(CAIRN_REQUIREMENT_WEBGPU, status(is_there), needed, &found));
+        let is_there = adapter.is_ok();
+        let found = adapter.unwrap_or_else(|error| error.to_string());
+        let needed = "a graphics adapter with a Vulkan driver that the processor does not emulate";
+        rows.push(row(CAIRN_REQUIREMENT_ADAPTER, status(is_there), needed, &found));
+    }
+    rows.insert(1, onnxruntime(ort));
+    rows.push(memory());
+    rows
 }
 
 /// The requirement of ONNX Runtime: its version and path, or why it could not be loaded.

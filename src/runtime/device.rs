@@ -7,7 +7,7 @@ use super::cpu::{CpuBackend, CpuOptions};
 use super::graph::TensorSpec;
 use super::{ExecutionContext, Graph, Ort};
 use crate::bundle::{ModelSource, Precision};
-use crate::{LibrarySearch, Result};
+use crate::{Error, LibrarySearch, Result};
 
 /// Implementation of a [`Device`].
 pub(super) trait Backend: Send + Sync {
@@ -55,6 +55,16 @@ pub enum DeviceKind {
     Direct3d12,
     /// A graphics adapter, through ONNX Runtime's WebGPU provider.
     WebGpu,
+}
+
+impl std::fmt::Display for DeviceKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Cpu => "the processor",
+            Self::Direct3d12 => "Direct3D 12",
+            Self::WebGpu => "WebGPU",
+        })
+    }
 }
 
 /// Memory of a graphics device, in bytes.
@@ -131,6 +141,45 @@ impl Device {
         Ok(device.with_library_search(options.libraries.clone()))
     }
 
+    /// The best device of this machine: an adapter through DirectML on Windows, else one through the WebGPU provider, else the processor.
+    /// Adapters that the processor emulates are not taken. `options` are those of the processor; the others take its choice of kernels.
+    /// Also returns why better kinds were not taken, the best first.
+    ///
+    /// # Errors
+    /// As [`cpu`](Self::cpu).
+    pub fn auto(
+        ort: &Ort,
+        options: CpuOptions,
+        libraries: &LibrarySearch,
+    ) -> Result<(Device, Vec<(DeviceKind, Error)>)> {
+        options.check()?;
+        let mut refusals = Vec::new();
+        #[cfg(windows)]
+        match Self::on_best_adapter(ort, options.deterministic) {
+            Ok(device) => return Ok((device.with_library_search(libraries.clone()), refusals)),
+            Err(error) => refusals.push((DeviceKind::Direct3d12, error)),
+        }
+        let webgpu =
+            super::WebGpuOptions { deterministic: options.deterministic, adapter: None, libraries: libraries.clone() };
+        match Self::webgpu(ort, &webgpu) {
+            Ok(device) => return Ok((device, refusals)),
+            Err(error) => refusals.push((DeviceKind::WebGpu, error)),
+        }
+        Ok((Self::cpu(ort, options)?.with_library_search(libraries.clone()), refusals))
+    }
+
+    /// The first Direct3D 12 adapter that the processor does not emulate.
+    #[cfg(windows)]
+    fn on_best_adapter(ort: &Ort, deterministic: bool) -> Result<Device> {
+        let adapters = crate::gpu::adapters()?;
+        let adapter = adapters.iter().find(|adapter| !adapter.software).ok_or_else(|| {
+            Error::new(crate::ErrorKind::Unsupported, "this machine has no adapter for Direct3D 12 but software")
+                .remedy("Install the driver of your graphics adapter")
+        })?;
+        let gpu = crate::gpu::Gpu::on_adapter(Some(adapter.luid))?;
+        Self::directml(ort, &gpu, super::DirectMlOptions { deterministic, ..Default::default() })
+    }
+
     pub(super) fn of(backend: Arc<dyn Backend>) -> Self {
         Self { backend, libraries: Arc::default() }
     }
@@ -175,7 +224,7 @@ impl Device {
     pub fn set_directml_options(&self, options: super::DirectMlOptions) -> Result<()> {
         let backend = self.directml_backend().ok_or_else(|| {
             let cause = format!("{} does not use DirectML", self.describe());
-            crate::Error::new(crate::ErrorKind::Unsupported, cause).remedy("Set them on a Direct3D 12 device")
+            Error::new(crate::ErrorKind::Unsupported, cause).remedy("Set them on a Direct3D 12 device")
         })?;
         *backend.options.lock() = options;
         Ok(())

@@ -34,8 +34,8 @@ pub use directml::DirectMlOptions;
 pub(crate) use directml::Snapshot;
 pub use execution_context::Bytes;
 pub(crate) use execution_context::{
-    Backup, BindingId, BufferId, DecodedPicture, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy, Region,
-    Tap,
+    Backup, BindingId, BufferId, DecodedPicture, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy,
+    Region, Tap,
 };
 #[cfg(windows)]
 pub use execution_context::{CaptureStatistics, ExternalTimes};
@@ -46,4 +46,5 @@ pub use library::Ort;
 #[cfg(windows)]
 pub use module::{LoadedLibrary, loaded_libraries};
 pub(crate) use stoppable::StoppableContext;
-pub use webgpu::WebGpuOptions;
+pub(crate) use webgpu::WebGpuRequirements;
+pub use webgpu::{WebGpuAdapter, WebGpuOptions, webgpu_adapters};

@@ -191,6 +191,8 @@ struct row {
        RESULT(cairn_device *))                                                                                        \
     C3(cairn_device_create_adapter, NUMBER(1), READ_OR_NULL(cairn_device_options), RESULT(cairn_device *))            \
     C3(cairn_device_create_gpu, TEXT_OR_NULL, READ_OR_NULL(cairn_device_options), RESULT(cairn_device *))             \
+    C5(cairn_device_create_auto, READ_OR_NULL(cairn_device_options), ROOM, NUMBER(64), RESULT_OR_NULL(size_t),        \
+       RESULT(cairn_device *))                                                                                        \
     C2(cairn_device_set_d3d12, SHARED(DEVICE), READ(cairn_d3d12_options))                                             \
     C3(cairn_device_get_d3d12, SHARED(DEVICE), RESULT(void *), RESULT(void *))                                        \
     C4(cairn_rollout_append_d3d12, ALONE(ROLLOUT), GIVEN, NUMBER(0), FILLED_OR_NULL(cairn_step_info))                 \

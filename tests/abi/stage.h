@@ -222,6 +222,7 @@ __attribute__((unused)) static enum object created_kind(const struct row *row)
         {"cairn_device_create_cpu", DEVICE},      {"cairn_world_load", WORLD},
         {"cairn_device_create_d3d12", DEVICE},    {"cairn_device_create_adapter", DEVICE},
         {"cairn_device_create_gpu", DEVICE},
+        {"cairn_device_create_auto", DEVICE},
         {"cairn_anchor_create", ANCHOR},          {"cairn_rollout_create", ROLLOUT},
         {"cairn_rollout_get_anchor", ANCHOR},     {"cairn_rollout_poll", ANCHOR},
         {"cairn_rollout_wait", ANCHOR},           {"cairn_guidance_create", GUIDANCE},

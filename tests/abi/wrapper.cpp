@@ -74,6 +74,12 @@ static void versions_and_devices_equal_the_librarys()
     CHECK(cairn::abi_version() == CAIRN_ABI_VERSION && cairn::version() == CAIRN_VERSION);
     const auto adapters = cairn::adapters();
     CHECK(adapters.ok() && !adapters->empty() && (*adapters)[0].kind == CAIRN_DEVICE_CPU);
+    cairn::device_options options;
+    options.flags = CAIRN_DEVICE_ENVIRONMENT;
+    options.webgpu = "no/such/file";
+    std::string refusals;
+    const auto best = cairn::device::best(options, &refusals);
+    CHECK(best.ok() && best->info()->kind == CAIRN_DEVICE_CPU && refusals.find("not WebGPU: ") != std::string::npos);
     const auto requirements = cairn::requirements(CAIRN_DEVICE_CPU);
     CHECK(requirements.ok() && requirements->size() >= 2 && (*requirements)[1].what == CAIRN_REQUIREMENT_ONNXRUNTIME);
     CHECK(requirements.ok() && std::strlen((*requirements)[1].needed) > 0);

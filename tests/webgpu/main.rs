@@ -7,9 +7,9 @@ use std::process::Command;
 use std::sync::Arc;
 
 use cairn::bundle::Precision;
-use cairn::runtime::{Device, DeviceKind, WebGpuOptions};
+use cairn::runtime::{CpuOptions, Device, DeviceKind, WebGpuOptions, webgpu_adapters};
 use cairn::world::{Bilinear, KvPart, OperatingPoint, Rollout, Schedule, World, WorldOptions};
-use cairn::{Error, ErrorKind, Picture};
+use cairn::{Error, ErrorKind, LibrarySearch, Picture};
 use serde_json::Value;
 use test_support::worlds::{self, bundle, controls, fingerprint, ort, point, seeded, webgpu};
 
@@ -140,7 +140,11 @@ fn only_controls_go_up_and_one_picture_comes_down() {
     rollout.read_picture(0, &mut picture).expect("a picture");
     assert_eq!(picture.size(), world.render_size());
     let read = rollout.statistics().bytes.read - before;
-    assert_eq!(read, picture.rgba().len() as u64, "the picture came down with 8 bits for each channel, and nothing else");
+    assert_eq!(
+        read,
+        picture.rgba().len() as u64,
+        "the picture came down with 8 bits for each channel, and nothing else"
+    );
 }
 
 #[test]
@@ -148,13 +152,15 @@ fn the_adapter_resizes_pictures_as_the_processor_does() {
     // A whole latent has several pictures; the decoder's sides take turns.
     for precision in [Precision::F32, Precision::F16] {
         let world = load(&webgpu(), "tiny", precision);
-        let every = OperatingPoint { pictures_per_latent: world.manifest().geometry.autoencoder.temporal, ..point(&world) };
+        let every =
+            OperatingPoint { pictures_per_latent: world.manifest().geometry.autoencoder.temporal, ..point(&world) };
         let mut rollout = seeded(&world, &every, 7);
         for i in 0..3 {
             steps(&mut rollout, i..i + 1);
             let decoded = rollout.decoded().expect("planes");
             let resize = Bilinear::new(world.decoded_size(), world.render_size());
-            let [mut found, mut expected] = [world.render_size(); 2].map(|(w, h)| Picture::new(w, h).expect("a picture"));
+            let [mut found, mut expected] =
+                [world.render_size(); 2].map(|(w, h)| Picture::new(w, h).expect("a picture"));
             let mut seen = Vec::new();
             for (k, planes) in (0..).zip(decoded.chunks_exact(decoded.len() / every.pictures_per_latent as usize)) {
                 rollout.read_picture(k, &mut found).expect("a picture");
@@ -201,6 +207,18 @@ fn a_device_says_what_it_is() {
 fn refusal(adapter: Option<&str>) -> Error {
     let options = WebGpuOptions { adapter: adapter.map(str::to_owned), ..WebGpuOptions::default() };
     Device::webgpu(&ort(), &options).expect_err("no such adapter")
+}
+
+#[test]
+fn the_best_device_is_never_software_and_says_why_it_is_the_processor() {
+    let adapters = webgpu_adapters();
+    let [only] = &adapters[..] else { panic!("one adapter, and not {adapters:?}") };
+    assert!(only.name.contains("llvmpipe") && only.software && only.memory > 1 << 20, "{only:?}");
+    let options = CpuOptions { threads: Some(2), ..CpuOptions::default() };
+    let (device, refusals) = Device::auto(&ort(), options, &LibrarySearch::default()).expect("the processor");
+    assert_eq!((device.kind(), device.threads()), (DeviceKind::Cpu, 2));
+    let [(DeviceKind::WebGpu, why)] = &refusals[..] else { panic!("{refusals:?}") };
+    assert!(why.to_string().contains("by which the processor emulates one"), "{why}");
 }
 
 #[test]
@@ -292,7 +310,8 @@ fn a_lost_device_is_a_typed_error_and_a_new_one_works() {
     is_lost(rollout.save().expect_err("its memory cannot be read"));
     std::fs::remove_file(&lost).expect("removed");
     is_lost(rollout.step(&controls(2)).expect_err("the driver works again, but the device stays lost"));
-    let options = WebGpuOptions { deterministic: true, adapter: Some("llvmpipe".to_owned()), ..WebGpuOptions::default() };
+    let options =
+        WebGpuOptions { deterministic: true, adapter: Some("llvmpipe".to_owned()), ..WebGpuOptions::default() };
     let error = Device::webgpu(&ort(), &options).expect_err("the process has one device, which is lost");
     assert!(error.to_string().contains("something that was made on it is still there"), "{error}");
     is_lost(error);

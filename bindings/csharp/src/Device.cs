@@ -48,6 +48,10 @@ namespace Cairn
         FsrShaderModel = Native.REQUIREMENT_FSR_SHADER_MODEL,
         /// <summary>The library's own shaders on the first adapter, for frame generation.</summary>
         Shaders = Native.REQUIREMENT_SHADERS,
+        /// <summary>The library of ONNX Runtime's WebGPU provider.</summary>
+        WebGpu = Native.REQUIREMENT_WEBGPU,
+        /// <summary>A graphics adapter for the WebGPU provider.</summary>
+        Adapter = Native.REQUIREMENT_ADAPTER,
     }
 
     /// <summary>Whether a requirement is met.</summary>
@@ -302,7 +306,33 @@ namespace Cairn
             }
         }
 
-        /// <summary>Lists available devices: the processor always, and Direct3D 12 adapters if the library can use them.</summary>
+        /// <summary>
+        /// Makes the best device of this machine: on Windows from the first Direct3D 12 adapter, else as <see cref="Gpu"/> with no adapter
+        /// named, else as <see cref="Cpu"/>. Experimental.
+        /// </summary>
+        /// <param name="refusals">A line for each better kind that was not taken, with the reason, for people.</param>
+        /// <param name="options">Settings; null for the defaults.</param>
+        /// <exception cref="CairnException">As <see cref="Cpu"/>.</exception>
+        public static Device Auto(out string refusals, DeviceOptions options = null)
+        {
+            const int Room = 4096;
+            options = options ?? new DeviceOptions();
+            byte* text = stackalloc byte[Room];
+            fixed (byte* onnxruntime = Text.Encode(options.OnnxRuntime, nameof(options)))
+            fixed (byte* ffx = Text.Encode(options.Ffx, nameof(options)))
+            fixed (byte* webgpu = Text.Encode(options.WebGpu, nameof(options)))
+            {
+                Native.device_options native = Of(options, onnxruntime, ffx);
+                native.webgpu = webgpu;
+                IntPtr device = IntPtr.Zero;
+                int result = Library.C.device_create_auto(&native, text, (UIntPtr)Room, null, &device);
+                var made = new Device(CheckCreated(result, ref device));
+                refusals = Text.Decode(text, Room);
+                return made;
+            }
+        }
+
+        /// <summary>Lists available devices: the processor always, Direct3D 12 adapters on Windows, and Vulkan's adapters on Linux.</summary>
         public static IReadOnlyList<Adapter> Adapters()
         {
             Native.Functions c = Library.C;
@@ -334,8 +364,10 @@ namespace Cairn
             Native.Functions c = Library.C;
             fixed (byte* onnxruntime = Text.Encode(options.OnnxRuntime, nameof(options)))
             fixed (byte* ffx = Text.Encode(options.Ffx, nameof(options)))
+            fixed (byte* webgpu = Text.Encode(options.WebGpu, nameof(options)))
             {
                 Native.device_options native = Of(options, onnxruntime, ffx);
+                native.webgpu = webgpu;
                 var stride = (UIntPtr)sizeof(Native.requirement);
                 uint count = 0;
                 CairnException.ThrowIfFailed(c.device_requirements((uint)kind, &native, null, stride, 0, &count));

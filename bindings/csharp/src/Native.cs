@@ -64,6 +64,8 @@ namespace Cairn
         internal const int REQUIREMENT_FSR_DIRECT3D = 7;
         internal const int REQUIREMENT_FSR_SHADER_MODEL = 8;
         internal const int REQUIREMENT_SHADERS = 9;
+        internal const int REQUIREMENT_WEBGPU = 10;
+        internal const int REQUIREMENT_ADAPTER = 11;
         internal const int REQUIREMENT_MET = 1;
         internal const int REQUIREMENT_NOT_MET = 2;
         internal const int REQUIREMENT_UNKNOWN = 3;
@@ -560,6 +562,9 @@ namespace Cairn
         internal delegate int device_create_gpu_function(byte* adapter, device_options* options, IntPtr* device);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
+        internal delegate int device_create_auto_function(device_options* options, byte* refusals, UIntPtr capacity, UIntPtr* length, IntPtr* device);
+
+        [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
         internal delegate int device_get_info_function(IntPtr device, device_info* info);
 
         [UnmanagedFunctionPointer(CallingConvention.Cdecl)]
@@ -782,6 +787,7 @@ namespace Cairn
             internal readonly set_scheduler_function set_scheduler;
             internal readonly device_create_cpu_function device_create_cpu;
             internal readonly device_create_gpu_function device_create_gpu;
+            internal readonly device_create_auto_function device_create_auto;
             internal readonly device_get_info_function device_get_info;
             internal readonly device_destroy_function device_destroy;
             internal readonly adapters_function adapters;
@@ -863,6 +869,7 @@ namespace Cairn
                 set_scheduler = library.Resolve<set_scheduler_function>("cairn_set_scheduler");
                 device_create_cpu = library.Resolve<device_create_cpu_function>("cairn_device_create_cpu");
                 device_create_gpu = library.Resolve<device_create_gpu_function>("cairn_device_create_gpu");
+                device_create_auto = library.Resolve<device_create_auto_function>("cairn_device_create_auto");
                 device_get_info = library.Resolve<device_get_info_function>("cairn_device_get_info");
                 device_destroy = library.Resolve<device_destroy_function>("cairn_device_destroy");
                 adapters = library.Resolve<adapters_function>("cairn_adapters");

@@ -12,6 +12,21 @@ namespace Cairn.Tests
     internal static unsafe class ObjectTests
     {
         [Test]
+        private static void TheBestDeviceIsChosenWithReasons()
+        {
+            var nowhere = new DeviceOptions { WebGpu = "no/such/file Ж", Threads = 2 };
+            Requirement provider = Device.Requirements(DeviceKind.WebGpu, nowhere).Single(each => each.Kind == RequirementKind.WebGpu);
+            Expect.Equal(RequirementStatus.NotMet, provider.Status);
+            Expect.Contains("no/such/file Ж", provider.Found);
+            using (Device device = Device.Auto(out string refusals, nowhere))
+            {
+                Expect.Equal(DeviceKind.Cpu, device.Info.Kind);
+                Expect.Contains("not WebGPU: ", refusals);
+                Expect.Contains("no/such/file Ж", refusals);
+            }
+        }
+
+        [Test]
         private static void DevicesListAdaptersAndRequirements()
         {
             Expect.Equal(DeviceKind.Cpu, Device.Adapters()[0].Kind);

@@ -80,6 +80,8 @@ REQUIREMENT_FSR_SYSTEM = 6
 REQUIREMENT_FSR_DIRECT3D = 7
 REQUIREMENT_FSR_SHADER_MODEL = 8
 REQUIREMENT_SHADERS = 9
+REQUIREMENT_WEBGPU = 10
+REQUIREMENT_ADAPTER = 11
 REQUIREMENT_MET = 1
 REQUIREMENT_NOT_MET = 2
 REQUIREMENT_UNKNOWN = 3
@@ -531,6 +533,7 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "set_scheduler": (POINTER(Scheduler),),
     "device_create_cpu": (POINTER(DeviceOptions), _new),
     "device_create_gpu": (c_char_p, POINTER(DeviceOptions), _new),
+    "device_create_auto": (POINTER(DeviceOptions), _text, c_size_t, _length, _new),
     "device_get_info": (_handle, POINTER(DeviceInfo)),
     "device_destroy": (_handle,),
     "adapters": (POINTER(Adapter), c_size_t, c_uint32, _count),

@@ -8,7 +8,7 @@ import sys
 import textwrap
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from . import _library, _onnxruntime
@@ -33,6 +33,9 @@ _WHY = {
     "fsr-direct3d": "A program selects a newer Direct3D 12 (Agility SDK) by exporting D3D12SDKVersion and D3D12SDKPath.",
     "fsr-shaders": "A provider's shaders need a shader model, which adapter, driver and Direct3D 12 must support.",
     "device": "A device is what a world runs on. The CPU device works on every system.",
+    "webgpu": "With this provider of ONNX Runtime, worlds run on graphics adapters on Linux, by Vulkan.",
+    "adapter": "A graphics adapter makes latents many times faster than a processor.",
+    "auto": "What `Device.auto` and `--device auto` take.",
     "world": "A world is a bundle: graphs, weights, licence and checksums (docs/bundle.md).",
     "float16": "Graphs in f16 run on graphics adapters. A value above 65504 is infinite there, so a latent is made in f32 as well and compared.",
     "step": "A step makes the next latent of a rollout from the player's controls, and pictures of it.",
@@ -46,6 +49,9 @@ _REMEDIES = {
     "fsr-system": "Use analytic, which Windows 10 is enough for, or Windows 11",
     "fsr-direct3d": "Ship the Agility SDK (NuGet: Microsoft.Direct3D.D3D12) with the program, or use Windows 11",
     "fsr-shaders": "Use a newer driver, and the Agility SDK or Windows 11",
+    "webgpu": "Run `python -m pip install cairn[gpu]`",
+    "adapter": "Install the Vulkan driver of the graphics adapter, and the package libvulkan1; in a container, let it see the adapter "
+    "(--device /dev/dri)",
     "memory": "Close other programs, or load the world at an operating point with a shorter window, such as baseline-112",
 }
 
@@ -102,6 +108,14 @@ def run(world: str | None = None, onnxruntime: str | None = None, *, verbose: bo
         for requirement in _try(report, "device", lambda: requirements("d3d12", onnxruntime=onnxruntime)) or []:
             if requirement.what.startswith("fsr"):
                 _requirement(report, requirement, good)
+    if sys.platform == "linux":
+        for requirement in _try(report, "device", lambda: requirements("webgpu", onnxruntime=onnxruntime)) or []:
+            if requirement.what in ("webgpu", "adapter"):
+                _requirement(report, replace(requirement, met=requirement.met or None), good)
+    best = _try(report, "auto", lambda: Device.auto(onnxruntime=onnxruntime))
+    if best is not None:
+        with best:
+            good("auto", "; ".join([best.description, *best.refusals]))
     with device:
         good("device", device.description)
         try:
@@ -147,7 +161,8 @@ def _requirement(report: Report, requirement: Requirement, good: Callable[[str, 
         good(requirement.what, text)
     elif requirement.met is None:
         report.line("?", requirement.what, text)
-        remedy = _REMEDIES.get(requirement.what, "") if requirement.what.startswith("fsr") else ""
+        is_optional = requirement.what.startswith("fsr") or requirement.what in ("webgpu", "adapter")
+        remedy = _REMEDIES.get(requirement.what, "") if is_optional else ""
         report.explain(_WHY.get(requirement.what, ""), f"What to do, where it is wanted: {remedy}." if remedy else "")
     else:
         remedy = _REMEDIES.get(requirement.what, "")

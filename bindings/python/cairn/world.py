@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 import os
 from collections.abc import Callable
-from ctypes import POINTER, byref, c_uint32, sizeof
+from ctypes import POINTER, byref, c_uint32, create_string_buffer, sizeof
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Self
 
@@ -13,7 +12,7 @@ from . import _interface as c
 from . import _onnxruntime
 from ._handles import Object, field_values
 from ._library import call, encoded, make, read_text
-from .errors import Cancelled, DeviceError, RuntimeMissing, Unsupported, refuse
+from .errors import Cancelled, refuse
 
 if TYPE_CHECKING:
     from .rollout import Rollout
@@ -30,7 +29,9 @@ Progress = Callable[[str, int, int], object]
 
 @dataclass(frozen=True)
 class Adapter:
-    """A processor or an adapter on which a device can be created. `kind` is "cpu" or "d3d12"; `memory` is in bytes, 0 if unknown."""
+    """A processor or an adapter on which a device can be created. `kind` is "cpu", "d3d12" or "webgpu"; `memory` is in bytes, 0 if unknown.
+    `str(index)` names a "webgpu" adapter for `Device.gpu`.
+    """
 
     kind: str
     index: int
@@ -53,7 +54,9 @@ class Requirement:
 
 
 def adapters() -> list[Adapter]:
-    """Lists what devices can be created on: always the processor, and Direct3D 12 adapters if the library can use them."""
+    """Lists what devices can be created on: always the processor, on Windows Direct3D 12 adapters, and on Linux the adapters that Vulkan lists,
+    which need `pip install cairn[gpu]`.
+    """
     found = _list(c.Adapter, lambda *array: call("adapters", *array))
     return [
         Adapter(_KIND_NAMES.get(a.kind, str(a.kind)), a.index, a.name.decode(errors="replace"), a.memory, a.luid)
@@ -62,10 +65,12 @@ def adapters() -> list[Adapter]:
 
 
 def requirements(kind: str = "cpu", *, onnxruntime: str | os.PathLike[str] | None = None) -> list[Requirement]:
-    """Lists the requirements of a device of kind "cpu" or "d3d12", each with the version found; a missing one is not an error."""
-    if kind not in ("cpu", "d3d12"):
-        raise refuse("kind", f"{kind!r} is no kind of device", 'Use "cpu" or "d3d12"')
-    options = c.DeviceOptions(flags=c.DEVICE_ENVIRONMENT, onnxruntime=_onnxruntime.library_path(onnxruntime))
+    """Lists the requirements of a device of kind "cpu", "d3d12" or "webgpu", each with what was found; a missing one is not an error."""
+    if kind not in _KINDS:
+        raise refuse("kind", f"{kind!r} is no kind of device", 'Use "cpu", "d3d12" or "webgpu"')
+    options = c.DeviceOptions(
+        flags=c.DEVICE_ENVIRONMENT, onnxruntime=_onnxruntime.library_path(onnxruntime), webgpu=_onnxruntime.webgpu_path(None)
+    )
     found = _list(c.Requirement, lambda *array: call("device_requirements", _KINDS[kind], byref(options), *array))
     names = {
         c.REQUIREMENT_PLATFORM: "platform",
@@ -77,6 +82,8 @@ def requirements(kind: str = "cpu", *, onnxruntime: str | os.PathLike[str] | Non
         c.REQUIREMENT_FSR_DIRECT3D: "fsr-direct3d",
         c.REQUIREMENT_FSR_SHADER_MODEL: "fsr-shaders",
         c.REQUIREMENT_SHADERS: "shaders",
+        c.REQUIREMENT_WEBGPU: "webgpu",
+        c.REQUIREMENT_ADAPTER: "adapter",
     }
     met = {c.REQUIREMENT_MET: True, c.REQUIREMENT_NOT_MET: False}
     return [
@@ -105,9 +112,13 @@ def _list(kind: type[c.Sized], fill: Callable[..., int]) -> list[Any]:
 
 
 class Device(Object):
-    """A device that runs worlds. May be used from any thread."""
+    """A device that runs worlds. May be used from any thread.
+
+    `refusals`: of a device from `auto`, why better kinds of devices were not taken, for people.
+    """
 
     _kind = "device"
+    refusals: tuple[str, ...] = ()
 
     @classmethod
     def cpu(
@@ -162,16 +173,29 @@ class Device(Object):
             return cls(make("device_create_gpu", name, byref(options)))
 
     @classmethod
-    def auto(cls, *, onnxruntime: str | os.PathLike[str] | None = None, webgpu: str | os.PathLike[str] | None = None) -> Self:
-        """Creates a device on the fastest graphics adapter, else on the processor; the logger `cairn` has the reason as INFO.
+    def auto(
+        cls,
+        threads: int = 0,
+        *,
+        deterministic: bool = False,
+        onnxruntime: str | os.PathLike[str] | None = None,
+        webgpu: str | os.PathLike[str] | None = None,
+    ) -> Self:
+        """Creates the best device of this machine: on Windows on the first Direct3D 12 adapter, else as `gpu` with no adapter named, else as `cpu`.
 
-        Arguments and errors are those of `gpu` and `cpu`.
+        `refusals` has the reasons why better ones were not taken. The arguments and errors are those of `gpu` and `cpu`.
         """
-        try:
-            return cls.gpu(onnxruntime=onnxruntime, webgpu=webgpu)
-        except (RuntimeMissing, Unsupported, DeviceError) as why:
-            logging.getLogger("cairn").info("the processor runs worlds, and no graphics adapter: %s", why)
-        return cls.cpu(onnxruntime=onnxruntime)
+        if not 0 <= threads <= 1024:
+            raise refuse("threads", f"{threads} is no number of threads", "Give 1 to 1024, or 0 for each physical core")
+        flags = c.DEVICE_ENVIRONMENT | (c.DEVICE_DETERMINISTIC if deterministic else 0)
+        options = c.DeviceOptions(
+            threads=threads, flags=flags, onnxruntime=_onnxruntime.library_path(onnxruntime), webgpu=_onnxruntime.webgpu_path(webgpu)
+        )
+        refusals = create_string_buffer(4096)
+        with _onnxruntime.with_hints():
+            device = cls(make("device_create_auto", byref(options), refusals, len(refusals), None))
+        device.refusals = tuple(refusals.value.decode(errors="replace").splitlines())
+        return device
 
     def _info(self) -> c.DeviceInfo:
         return self._fill("device_get_info", c.DeviceInfo)

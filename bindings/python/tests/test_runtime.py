@@ -507,10 +507,22 @@ def test_adapters_and_requirements_are_listed(device):
     assert "ONNX Runtime 1.24" in device.description
 
 
-def test_a_device_is_chosen_by_itself_and_the_log_has_the_reason(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_device_is_chosen_by_itself_and_has_the_reason() -> None:
     """Without the provider's library beside ONNX Runtime the processor runs worlds."""
     with pytest.raises(cairn.RuntimeMissing, match="WebGPU provider"):
         cairn.Device.gpu(webgpu="/nowhere/libonnxruntime_providers_webgpu.so")
-    with caplog.at_level("INFO", "cairn"), cairn.Device.auto(webgpu="/nowhere/libonnxruntime_providers_webgpu.so") as device:
-        assert device.kind == "cpu"
-    assert "the processor runs worlds, and no graphics adapter" in caplog.text
+    with cairn.Device.auto(2, deterministic=True, webgpu="/nowhere/libonnxruntime_providers_webgpu.so") as device:
+        assert (device.kind, device.threads, "deterministic" in device.description) == ("cpu", 2, True)
+        assert device.refusals[-1].startswith("not WebGPU: ONNX Runtime's WebGPU provider cannot be used: is not there")
+    with cairn.Device.cpu() as device:
+        assert device.refusals == ()
+    with pytest.raises(cairn.InvalidArgument, match="1025"):
+        cairn.Device.auto(1025)
+
+
+def test_requirements_of_a_graphics_adapter_are_listed() -> None:
+    found = {requirement.what: requirement for requirement in cairn.requirements("webgpu")}
+    assert {"platform", "onnxruntime", "webgpu", "adapter", "memory"} == set(found)
+    assert all(requirement.found for requirement in found.values())
+    with pytest.raises(cairn.InvalidArgument, match="voodoo"):
+        cairn.requirements("voodoo")

@@ -6,6 +6,7 @@ use std::ffi::CStr;
 
 use ash::vk;
 
+use super::WebGpuAdapter;
 use crate::runtime::DeviceMemory;
 use crate::{Error, ErrorKind, Result};
 
@@ -28,6 +29,8 @@ struct Adapter {
     /// PCI identifier of its maker.
     vendor: u32,
     kind: Kind,
+    /// Bytes of its own memory.
+    memory: u64,
 }
 
 /// The adapter that the provider takes.
@@ -54,14 +57,21 @@ impl Drop for Instance {
     }
 }
 
+/// All adapters, in Vulkan's order.
+pub(super) fn list() -> Result<Vec<WebGpuAdapter>> {
+    let (_, adapters) = Instance::new()?.adapters()?;
+    let public = |Adapter { name, vendor, kind, memory }| {
+        let software = kind == Kind::Software;
+        WebGpuAdapter { name, vendor, memory, software }
+    };
+    Ok(adapters.into_iter().map(public).collect())
+}
+
 impl Chosen {
     /// The adapter that `wanted` names, or the fastest.
     pub(super) fn new(wanted: Option<&str>) -> Result<Self> {
         let instance = Instance::new()?;
-        // SAFETY: a live instance.
-        let devices = unsafe { instance.instance.enumerate_physical_devices() }
-            .map_err(|error| no_vulkan(&format!("its adapters cannot be listed: {error}")))?;
-        let adapters: Vec<_> = devices.iter().map(|device| instance.describe(*device)).collect();
+        let (devices, adapters) = instance.adapters()?;
         let (i, low_power) = choose(&adapters, wanted)?;
         Ok(Self { name: adapters[i].name.clone(), low_power, device: devices[i], instance })
     }
@@ -106,6 +116,15 @@ impl Instance {
         Ok(Self { instance, _entry: entry, _library: library })
     }
 
+    /// All adapters, with their descriptions.
+    fn adapters(&self) -> Result<(Vec<vk::PhysicalDevice>, Vec<Adapter>)> {
+        // SAFETY: a live instance.
+        let devices = unsafe { self.instance.enumerate_physical_devices() }
+            .map_err(|error| no_vulkan(&format!("its adapters cannot be listed: {error}")))?;
+        let adapters = devices.iter().map(|device| self.describe(*device)).collect();
+        Ok((devices, adapters))
+    }
+
     fn describe(&self, device: vk::PhysicalDevice) -> Adapter {
         // SAFETY: a device of the live instance.
         let properties = unsafe { self.instance.get_physical_device_properties(device) };
@@ -116,7 +135,11 @@ impl Instance {
             vk::PhysicalDeviceType::CPU => Kind::Software,
             _ => Kind::Other,
         };
-        Adapter { name, vendor: properties.vendor_id, kind }
+        // SAFETY: as above.
+        let memory = unsafe { self.instance.get_physical_device_memory_properties(device) };
+        let local = memory.memory_heaps_as_slice().iter();
+        let local = local.filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
+        Adapter { name, vendor: properties.vendor_id, kind, memory: local.map(|heap| heap.size).sum() }
     }
 }
 
@@ -200,7 +223,7 @@ mod tests {
                 ("NVIDIA GeForce RTX 4090", 0x10de, Kind::Discrete),
                 ("AMD Radeon RX 9070", 0x1002, Kind::Discrete),
             ])
-            .map(|(name, vendor, kind)| Adapter { name: name.to_owned(), vendor, kind })
+            .map(|(name, vendor, kind)| Adapter { name: name.to_owned(), vendor, kind, memory: 0 })
             .collect()
     }
 

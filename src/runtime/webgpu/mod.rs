@@ -12,6 +12,7 @@ mod pictures;
 mod plugin;
 mod value;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -25,10 +26,51 @@ use super::failure::make;
 use super::graph::TensorSpec;
 use super::{ExecutionContext, Graph, Ort, self_test};
 use crate::bundle::{ModelSource, Precision, without_fused_products};
-use crate::{Error, ErrorKind, Result};
+use crate::{Error, ErrorKind, LibrarySearch, Result};
 use context::WebGpuContext;
 pub use plugin::WebGpuOptions;
 use plugin::{LOCK, Plugin};
+
+/// An adapter for [`Device::webgpu`](super::Device::webgpu).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct WebGpuAdapter {
+    /// Name, for people.
+    pub name: String,
+    /// PCI identifier of its maker.
+    pub vendor: u32,
+    /// Bytes of its own memory.
+    pub memory: u64,
+    /// Whether the processor emulates it.
+    pub software: bool,
+}
+
+/// Lists the adapters that Vulkan has, in its order, which [`WebGpuOptions::adapter`] counts by. Empty without Vulkan, and on systems other
+/// than Linux, where only the provider knows them.
+pub fn webgpu_adapters() -> Vec<WebGpuAdapter> {
+    #[cfg(target_os = "linux")]
+    return adapters::list().unwrap_or_else(|error| {
+        log::info!("{error}");
+        Vec::new()
+    });
+    #[cfg(not(target_os = "linux"))]
+    Vec::new()
+}
+
+/// What a device needs, besides ONNX Runtime.
+pub(crate) struct WebGpuRequirements {
+    /// The provider's library, or why it cannot be used.
+    pub(crate) library: Result<PathBuf>,
+    /// The adapter that would be used if none is named, or why there is none.
+    pub(crate) adapter: Result<String>,
+}
+
+impl WebGpuRequirements {
+    /// Loads the provider's library, which stays loaded, and looks for an adapter.
+    pub(crate) fn find(ort: &Ort, libraries: &LibrarySearch) -> Self {
+        let (library, adapter) = plugin::requirements(ort, libraries);
+        Self { library, adapter }
+    }
+}
 
 /// The backend of [`Device::webgpu`](super::Device::webgpu).
 pub(super) struct WebGpuBackend {

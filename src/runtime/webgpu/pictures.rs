@@ -7,10 +7,10 @@ use ort::sys::ONNXTensorElementDataType as Element;
 use super::buffer::{DeviceBuffer, WORD};
 use super::helper_graphs::{Binding, SessionUnderLock};
 use super::plugin::Plugin;
+use crate::Result;
 use crate::bundle::{ModelWriter, Precision, ValueType};
 use crate::runtime::aligned_buffer::AlignedBuffer;
 use crate::runtime::execution_context::{BufferId, DecodedPicture, Tap};
-use crate::Result;
 
 /// A graph that resamples one picture of a decoder's output.
 pub(super) struct PictureReader {

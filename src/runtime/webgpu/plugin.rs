@@ -1,7 +1,7 @@
 //! The provider's library, and the adapter that it uses.
 
 use std::ffi::{CStr, c_char};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
 use std::sync::Arc;
 
@@ -39,7 +39,10 @@ pub(super) static LOCK: Mutex<()> = Mutex::new(());
 static REGISTERED: Mutex<Option<Arc<Registration>>> = Mutex::new(None);
 
 /// Held by all that uses the registered library: its sessions and its memory.
-pub(super) struct Registration(());
+pub(super) struct Registration {
+    /// The library's file.
+    path: PathBuf,
+}
 
 /// The library's name in ONNX Runtime.
 const LIBRARY: &CStr = c"cairn-webgpu";
@@ -84,8 +87,7 @@ impl Plugin {
         let registration = register(ort, &options.libraries)?;
         let adapter = Chosen::new(options.adapter.as_deref())?;
         fix_adapter(&adapter.name)?;
-        let mut devices = ort.environment().devices().filter(|device| device.ep().is_ok_and(|name| name == PROVIDER));
-        let device = devices.next().ok_or_else(no_adapter)?;
+        let device = find_device(ort)?;
         let (device, memory) = (device.ptr(), device.memory_info(false).ptr());
         let mut allocator = null_mut();
         let shared = ort::api().GetSharedAllocator;
@@ -206,7 +208,25 @@ fn register(ort: &Ort, search: &LibrarySearch) -> Result<Arc<Registration>> {
     let name = LIBRARY.to_string_lossy();
     make("load its WebGPU provider", || ort.environment().register_ep_library(name, &path))
         .map_err(|error| missing(&path, error.cause()))?;
-    Ok(registered.insert(Arc::new(Registration(()))).clone())
+    Ok(registered.insert(Arc::new(Registration { path })).clone())
+}
+
+/// The adapter as the provider offers it.
+fn find_device(ort: &Ort) -> Result<Device<'_>> {
+    let mut devices = ort.environment().devices().filter(|device| device.ep().is_ok_and(|name| name == PROVIDER));
+    devices.next().ok_or_else(no_adapter)
+}
+
+/// The file of the plugin's library, which is registered, and the name of the adapter that a device would use.
+pub(super) fn requirements(ort: &Ort, search: &LibrarySearch) -> (Result<PathBuf>, Result<String>) {
+    let library = register(ort, search).map(|registration| registration.path.clone());
+    let adapter = Chosen::new(None).and_then(|adapter| {
+        if library.is_ok() {
+            find_device(ort)?;
+        }
+        Ok(adapter.name)
+    });
+    (library, adapter)
 }
 
 /// Unloads the plugin's library with its device, which is lost, so that the next one that is loaded makes another device.

@@ -37,7 +37,8 @@ static DRIVER: LazyLock<Driver> = LazyLock::new(|| {
 });
 
 fn is_lost() -> bool {
-    static FILE: LazyLock<Option<PathBuf>> = LazyLock::new(|| std::env::var_os("VULKAN_DOUBLE_LOST").map(PathBuf::from));
+    static FILE: LazyLock<Option<PathBuf>> =
+        LazyLock::new(|| std::env::var_os("VULKAN_DOUBLE_LOST").map(PathBuf::from));
     FILE.as_ref().is_some_and(|file| file.exists())
 }
 
