@@ -6,6 +6,7 @@
 //! - [`blocks`] checks the matrices that are stored in fewer than 16 bits.
 //! - [`peaks`] adds outputs to a model: the largest magnitudes of its values.
 //! - [`products`] rewrites the products of attention for providers without `FusedMatMul`.
+//! - [`largest_weight`] finds a model's largest tensor of weights.
 //! - [`model_writer`] writes the small models that move and check values on a device.
 //! - [`slices`] splits a transformer into models of consecutive layers.
 //! - [`interface`] compares inputs and outputs with the format's tables.
@@ -16,6 +17,7 @@
 mod blocks;
 mod check;
 mod interface;
+mod largest_weight;
 mod model_writer;
 mod operators;
 mod peaks;
@@ -30,6 +32,7 @@ mod wire;
 mod writer;
 
 pub(super) use check::{ExternalData, ModelContext, check, footprint};
+pub(crate) use largest_weight::largest_weight;
 pub(crate) use model_writer::{ModelWriter, ValueType};
 pub use operators::operators;
 pub(crate) use peaks::ModelWithPeaks;

@@ -36,6 +36,8 @@ struct Adapter {
 /// The adapter that the provider takes.
 pub(super) struct Chosen {
     pub(super) name: String,
+    /// Bytes that a shader can read or write as one buffer.
+    pub(super) largest_buffer: u64,
     /// Whether the provider must prefer saving power to take it.
     pub(super) low_power: bool,
     instance: Instance,
@@ -73,7 +75,10 @@ impl Chosen {
         let instance = Instance::new()?;
         let (devices, adapters) = instance.adapters()?;
         let (i, low_power) = choose(&adapters, wanted)?;
-        Ok(Self { name: adapters[i].name.clone(), low_power, device: devices[i], instance })
+        // SAFETY: a device of the live instance.
+        let limits = unsafe { instance.instance.get_physical_device_properties(devices[i]) }.limits;
+        let largest_buffer = limits.max_storage_buffer_range.into();
+        Ok(Self { name: adapters[i].name.clone(), largest_buffer, low_power, device: devices[i], instance })
     }
 
     /// Its memory budget and use; `None` if the driver does not report them.

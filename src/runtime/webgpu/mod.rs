@@ -25,7 +25,7 @@ use super::device::{Backend, DeviceKind};
 use super::failure::make;
 use super::graph::TensorSpec;
 use super::{ExecutionContext, Graph, Ort, self_test};
-use crate::bundle::{ModelSource, Precision, without_fused_products};
+use crate::bundle::{ModelSource, Precision, largest_weight, without_fused_products};
 use crate::{Error, ErrorKind, LibrarySearch, Result};
 use context::WebGpuContext;
 pub use plugin::WebGpuOptions;
@@ -155,6 +155,10 @@ impl Backend for WebGpuBackend {
         inputs: Vec<TensorSpec>,
         outputs: Vec<TensorSpec>,
     ) -> Result<Arc<Graph>> {
+        let tensors = inputs.iter().chain(&outputs).map(|spec| (spec.name.clone(), spec.bytes() as u64));
+        for (tensor, bytes) in tensors.chain(largest_weight(model.onnx)?) {
+            self.plugin.check_fits(what, &tensor, bytes)?;
+        }
         let rewritten = without_fused_products(model.onnx)?;
         let model = ModelSource { onnx: rewritten.as_deref().unwrap_or(model.onnx), external: model.external.clone() };
         let builder = make("prepare a session", || self.session(dimensions))?;

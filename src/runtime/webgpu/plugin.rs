@@ -158,6 +158,17 @@ impl Plugin {
         self.adapter.memory()
     }
 
+    /// Refuses a graph that holds more in one buffer than the adapter can use.
+    pub(super) fn check_fits(&self, what: &str, tensor: &str, bytes: u64) -> Result<()> {
+        #[cfg(target_os = "linux")]
+        if bytes > self.adapter.largest_buffer {
+            return Err(too_large(what, tensor, bytes, self.adapter.largest_buffer));
+        }
+        #[cfg(not(target_os = "linux"))]
+        let _ = (what, tensor, bytes);
+        Ok(())
+    }
+
     pub(super) fn allocator(&self) -> *mut sys::OrtAllocator {
         self.allocator
     }
@@ -259,6 +270,19 @@ fn missing(path: &Path, why: &str) -> Error {
         ))
 }
 
+#[cfg(target_os = "linux")]
+fn too_large(what: &str, tensor: &str, bytes: u64, largest: u64) -> Error {
+    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    let cause = format!(
+        "{tensor} of the {what} has {:.1} MiB, and the adapter uses at most {:.1} MiB as one buffer",
+        mib(bytes),
+        mib(largest)
+    );
+    Error::new(ErrorKind::Unsupported, cause)
+        .field(tensor.to_owned())
+        .remedy("Use a bundle with weights in 8 or 4 bits, a narrower window, another adapter, or a CPU device")
+}
+
 fn no_adapter() -> Error {
     let (cause, remedy) = if cfg!(target_os = "linux") {
         (
@@ -344,6 +368,14 @@ mod tests {
     use super::*;
     use crate::bundle::Precision;
     use crate::runtime::self_test;
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_tensor_that_is_too_large_is_refused_with_figures() {
+        let error = too_large("decoder", "conv.weight", 3 << 19, 1 << 20);
+        assert_eq!((error.kind(), error.offending_field()), (ErrorKind::Unsupported, Some("conv.weight")));
+        assert!(error.cause().ends_with("has 1.5 MiB, and the adapter uses at most 1.0 MiB as one buffer"), "{error}");
+    }
 
     #[test]
     fn nodes_that_another_provider_runs_are_refused_by_name() {

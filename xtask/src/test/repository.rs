@@ -29,10 +29,16 @@ const MODULES: [&str; 9] = ["abi", "present", "framegen", "guidance", "world", "
 /// Parts of names of ONNX Runtime's providers, in lower case.
 const PROVIDERS: [&str; 3] = ["directml", "webgpu", "executionprovider"];
 
-/// The library's code that may name a provider: the runtime, the paths of its libraries, the functions of the C interface that create and describe
-/// devices, and its record.
-const PROVIDER_CODE: [&str; 5] =
-    ["src/runtime/", "src/libraries.rs", "src/abi/device.rs", "src/abi/d3d12", "src/abi/record.rs"];
+/// The library's code that may name a provider: the runtime, the paths of its libraries, the functions of the C interface that create, list and
+/// explain devices, and its record.
+const PROVIDER_CODE: [&str; 6] = [
+    "src/runtime/",
+    "src/libraries.rs",
+    "src/abi/device.rs",
+    "src/abi/requirements.rs",
+    "src/abi/d3d12",
+    "src/abi/record.rs",
+];
 
 /// Folders at the root; a path in a text that starts with one of them must exist.
 const FOLDERS: [&str; 10] =
