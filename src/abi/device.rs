@@ -136,7 +136,8 @@ pub unsafe extern "C" fn cairn_device_create_cpu(
 /// Threads: any thread, at any time. Takes a fraction of a second the first time.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_ARGUMENT, also when no adapter is named so; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_RUNTIME_MISSING when
 /// ONNX Runtime or the provider's library is missing or has another version; CAIRN_ERROR_UNSUPPORTED when there is no such adapter, or the
-/// process already uses another one; CAIRN_ERROR_DEVICE when the adapter does not work.
+/// process already uses another one; CAIRN_ERROR_DEVICE when the adapter does not work; CAIRN_ERROR_DEVICE_REMOVED when the process's device is
+/// lost and something that was made on it is left: destroy its rollouts, worlds and devices first.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_device_create_gpu(

@@ -135,7 +135,7 @@ impl Device {
     /// # Errors
     /// `RuntimeMissing` when the plugin is not there or does not fit ONNX Runtime; `InvalidArgument` when no adapter has the given name;
     /// `Unsupported` when there is no adapter, only one that the processor emulates and that was not named, or another one in use by the
-    /// process; `Device` when the adapter does not work.
+    /// process; `Device` when the adapter does not work; `DeviceRemoved` when the process's device is lost and anything made on it is left.
     pub fn webgpu(ort: &Ort, options: &super::WebGpuOptions) -> Result<Device> {
         let device = Self::of(Arc::new(super::webgpu::WebGpuBackend::new(ort, options)?));
         Ok(device.with_library_search(options.libraries.clone()))
