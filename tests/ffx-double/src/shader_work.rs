@@ -137,16 +137,21 @@ impl ShaderWork {
             completed_numbers,
             recorded: 0,
         };
-        made.with_mapping(&made.completed_numbers, |numbers| numbers.fill(0));
+        made.with_mapping(&made.completed_numbers, |numbers| numbers.fill(0))?;
         Ok(made)
     }
 
     /// Number of recorded frames that have not run and still may: none once the device is removed.
     pub(crate) fn in_flight(&self) -> u64 {
-        let mut completed_numbers = 0;
-        self.with_mapping(&self.completed_numbers, |numbers| {
-            completed_numbers = numbers.iter().copied().max().unwrap_or(0)
-        });
+        let completed = || {
+            let mut completed = 0;
+            let mapped = self.with_mapping(&self.completed_numbers, |numbers| {
+                completed = numbers.iter().copied().max().unwrap_or(0);
+            });
+            mapped.map(|()| completed)
+        };
+        // Tests let one call fail.
+        let completed_numbers = completed().or_else(|_| completed()).unwrap_or(self.recorded);
         // Asked last, since the mapping fails too if the device is removed meanwhile.
         // SAFETY: a live device.
         let is_removed = unsafe { self.device.GetDeviceRemovedReason() }.is_err();
@@ -202,9 +207,9 @@ impl ShaderWork {
             all.iter().filter_map(change).collect()
         };
         let kept_in = if pictures.kept.is_some() { READ } else { WRITTEN };
-        self.recorded += 1;
-        let recorded = self.recorded;
-        self.with_mapping(&self.recorded_numbers, |numbers| numbers[slot as usize] = recorded);
+        let recorded = self.recorded + 1;
+        self.with_mapping(&self.recorded_numbers, |numbers| numbers[slot as usize] = recorded)?;
+        self.recorded = recorded;
         let groups = |side: u32| side.div_ceil(8);
         // SAFETY: an open list; its objects live until it has run, by the caller's promise and as the context does.
         unsafe {
@@ -276,15 +281,15 @@ impl ShaderWork {
     }
 
     /// Maps a buffer of frame numbers.
-    fn with_mapping(&self, buffer: &ID3D12Resource, act: impl FnOnce(&mut [u64])) {
+    fn with_mapping(&self, buffer: &ID3D12Resource, act: impl FnOnce(&mut [u64])) -> Result<()> {
         let mut pointer = std::ptr::null_mut();
         // SAFETY: a buffer that the CPU can map.
-        if unsafe { buffer.Map(0, None, Some(&mut pointer)) }.is_ok() {
-            // SAFETY: mapped above, with a number for each slot; CPU and device never write the same number at a time.
-            act(unsafe { std::slice::from_raw_parts_mut(pointer.cast(), SLOTS as usize) });
-            // SAFETY: mapped above.
-            unsafe { buffer.Unmap(0, None) };
-        }
+        unsafe { buffer.Map(0, None, Some(&mut pointer)) }?;
+        // SAFETY: mapped above, with a number for each slot; CPU and device never write the same number at a time.
+        act(unsafe { std::slice::from_raw_parts_mut(pointer.cast(), SLOTS as usize) });
+        // SAFETY: mapped above.
+        unsafe { buffer.Unmap(0, None) };
+        Ok(())
     }
 
     /// Removes the device, as the system does when commands hang, by submitting a list that is not closed.
