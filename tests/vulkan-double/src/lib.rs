@@ -62,9 +62,10 @@ macro_rules! lost_functions {
                     }
                     // SAFETY: Vulkan's function of this name has this type.
                     $name.get_or_init(|| unsafe { std::mem::transmute(own) });
-                    let replacement: unsafe extern "system" fn($($type),*) -> i32 = replacement;
                     // SAFETY: a function pointer, which Vulkan's users convert back before they call it.
-                    return unsafe { std::mem::transmute::<_, Function>(replacement) };
+                    return unsafe {
+                        std::mem::transmute::<unsafe extern "system" fn($($type),*) -> i32, Function>(replacement)
+                    };
                 }
             )*
             own
