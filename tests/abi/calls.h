@@ -118,7 +118,7 @@ struct row {
     C2(cairn_device_get_info, SHARED(DEVICE), FILLED(cairn_device_info))                                              \
     C1(cairn_device_destroy, SHARED(DEVICE))                                                                          \
     C4(cairn_adapters, ARRAY(cairn_adapter), COUNT(sizeof(cairn_adapter)), NUMBER(2), RESULT(uint32_t))               \
-    C6(cairn_device_requirements, CHOICE(1, 2), READ_OR_NULL(cairn_device_options), ARRAY(cairn_requirement),         \
+    C6(cairn_device_requirements, CHOICE(1, 3), READ_OR_NULL(cairn_device_options), ARRAY(cairn_requirement),         \
        COUNT(sizeof(cairn_requirement)), NUMBER(4), RESULT(uint32_t))                                                 \
     C3(cairn_world_load, SHARED(DEVICE), READ(cairn_world_options), RESULT(cairn_world *))                            \
     C2(cairn_world_get_info, SHARED(WORLD), FILLED(cairn_world_info))                                                 \
