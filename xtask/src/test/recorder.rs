@@ -173,8 +173,7 @@ fn run_faults(context: &Context<'_>, log: &mut Log, tests: &str, which: &str, am
     if tests != FAULTS_WORLDS && matches!(amd, Amd::None) {
         windows_build::copy_descriptors(&mut command);
     }
-    // AMD's own libraries lose what they had made where Direct3D fails, and every call would fill the memory.
-    command.env(EVERY_FAILURE, if matches!(amd, Amd::Own(_)) { "places" } else { which });
+    command.env(EVERY_FAILURE, which);
     if let Amd::Own(_) = amd {
         command.args(AMDS_CRASHES.iter().flat_map(|(test, _)| ["--skip", test]));
     }
