@@ -17,7 +17,8 @@ fn message_error(what: &str, message: &str) -> Error {
     let cause = format!("ONNX Runtime could not {what}: {}", message.trim_end_matches(['.', '\n']));
     // Dawn's words, on which the WebGPU provider is built.
     if message.contains("[Device] is lost") {
-        return Error::new(ErrorKind::DeviceRemoved, cause).remedy("Release what was made on it and make a new device");
+        return Error::new(ErrorKind::DeviceRemoved, cause)
+            .remedy("Release all objects that were made on the lost device, then make a new one");
     }
     Error::new(if exhausted { ErrorKind::OutOfMemory } else { ErrorKind::Device }, cause)
 }

@@ -77,7 +77,7 @@ pub(crate) struct Graph {
     data: Box<dyn Any + Send + Sync>,
     /// Held while the session is dropped, for backends whose sessions share what is not safe to use from two threads.
     drop_lock: Option<&'static Mutex<()>>,
-    /// Dropped after the session: what it must not outlive.
+    /// What the session needs as long as it lives. Declared last, so that it is dropped after the session.
     _kept: Option<Arc<dyn Any + Send + Sync>>,
 }
 
@@ -124,7 +124,7 @@ impl Graph {
         self
     }
 
-    /// The same graph with a lock that is held while its session is dropped, and with what the session must not outlive.
+    /// The same graph with `lock`, which is held while the session is dropped, and `kept`, which is dropped after the session.
     pub(super) fn with_drop_lock(mut self, lock: &'static Mutex<()>, kept: Arc<dyn Any + Send + Sync>) -> Self {
         self.drop_lock = Some(lock);
         self._kept = Some(kept);

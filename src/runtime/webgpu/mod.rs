@@ -56,7 +56,7 @@ pub fn webgpu_adapters() -> Vec<WebGpuAdapter> {
     Vec::new()
 }
 
-/// What a device needs, besides ONNX Runtime.
+/// The requirements of a WebGPU device besides ONNX Runtime's own library.
 pub(crate) struct WebGpuRequirements {
     /// The provider's library, or why it cannot be used.
     pub(crate) library: Result<PathBuf>,

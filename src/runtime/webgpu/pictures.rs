@@ -22,12 +22,12 @@ pub(super) struct PictureReader {
     index: DeviceBuffer,
     /// The pixels.
     pixels: DeviceBuffer,
-    /// What the graph was made for.
-    key: Key,
+    conversion: Conversion,
 }
 
+/// Which pictures a graph converts, and how.
 #[derive(Debug, Clone, PartialEq)]
-struct Key {
+struct Conversion {
     pictures: usize,
     size: [usize; 2],
     precision: Precision,
@@ -35,7 +35,7 @@ struct Key {
     columns: Vec<Tap>,
 }
 
-impl Key {
+impl Conversion {
     fn of(picture: &DecodedPicture<'_>) -> Self {
         let (rows, columns) = (picture.rows.to_vec(), picture.columns.to_vec());
         Self { pictures: picture.pictures, size: picture.size, precision: picture.precision, rows, columns }
@@ -50,16 +50,16 @@ impl Key {
 
 impl PictureReader {
     pub(super) fn new(plugin: &Arc<Plugin>, picture: &DecodedPicture<'_>) -> Result<Self> {
-        let key = Key::of(picture);
-        let session = SessionUnderLock::new(plugin, &model(&key), "graph that resizes pictures")?;
-        let [index, pixels] = [size_of::<i64>(), key.rows.len() * key.columns.len() * WORD]
+        let conversion = Conversion::of(picture);
+        let session = SessionUnderLock::new(plugin, &model(&conversion), "graph that resizes pictures")?;
+        let [index, pixels] = [size_of::<i64>(), conversion.rows.len() * conversion.columns.len() * WORD]
             .map(|bytes| DeviceBuffer::with_contents(plugin, &AlignedBuffer::zeroed(bytes)?));
-        Ok(Self { bindings: Vec::new(), session, index: index?, pixels: pixels?, key })
+        Ok(Self { bindings: Vec::new(), session, index: index?, pixels: pixels?, conversion })
     }
 
     /// Whether the graph resamples pictures like this one.
     pub(super) fn fits(&self, picture: &DecodedPicture<'_>) -> bool {
-        self.key.fits(picture)
+        self.conversion.fits(picture)
     }
 
     /// Resamples a picture of `planes`, which is the buffer that it names, and waits for the pixels.
@@ -82,7 +82,7 @@ impl PictureReader {
     }
 
     fn bind(&self, planes: &DeviceBuffer) -> Result<Binding> {
-        let Key { pictures, size: [height, width], precision, rows, columns } = &self.key;
+        let Conversion { pictures, size: [height, width], precision, rows, columns } = &self.conversion;
         let element = match precision {
             Precision::F32 => Element::ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT,
             Precision::F16 => Element::ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT16,
@@ -98,7 +98,7 @@ impl PictureReader {
 /// A model of the operations of [`Bilinear::to_picture`](crate::world::Bilinear::to_picture), in their order. Input `planes` is
 /// `[pictures, 3, height, width]`, input `index` the number of the picture; output `pixels`, `[1, rows, columns]`, has red in the lowest
 /// byte of each number and 255 in the highest.
-fn model(Key { pictures, size: [height, width], precision, rows, columns }: &Key) -> Vec<u8> {
+fn model(Conversion { pictures, size: [height, width], precision, rows, columns }: &Conversion) -> Vec<u8> {
     let mut model = ModelWriter::default();
     let element = match precision {
         Precision::F32 => ValueType::F32,

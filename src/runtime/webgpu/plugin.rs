@@ -161,12 +161,12 @@ impl Plugin {
     /// Refuses a graph that holds more in one buffer than the adapter can use.
     pub(super) fn check_fits(&self, what: &str, tensor: &str, bytes: u64) -> Result<()> {
         #[cfg(target_os = "linux")]
-        if bytes > self.adapter.largest_buffer {
-            return Err(too_large(what, tensor, bytes, self.adapter.largest_buffer));
-        }
+        return check_fits(self.adapter.largest_buffer, what, tensor, bytes);
         #[cfg(not(target_os = "linux"))]
-        let _ = (what, tensor, bytes);
-        Ok(())
+        {
+            let _ = (what, tensor, bytes);
+            Ok(())
+        }
     }
 
     pub(super) fn allocator(&self) -> *mut sys::OrtAllocator {
@@ -271,16 +271,19 @@ fn missing(path: &Path, why: &str) -> Error {
 }
 
 #[cfg(target_os = "linux")]
-fn too_large(what: &str, tensor: &str, bytes: u64, largest: u64) -> Error {
+fn check_fits(largest: u64, what: &str, tensor: &str, bytes: u64) -> Result<()> {
+    if bytes <= largest {
+        return Ok(());
+    }
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     let cause = format!(
         "{tensor} of the {what} has {:.1} MiB, and the adapter uses at most {:.1} MiB as one buffer",
         mib(bytes),
         mib(largest)
     );
-    Error::new(ErrorKind::Unsupported, cause)
+    Err(Error::new(ErrorKind::Unsupported, cause)
         .field(tensor.to_owned())
-        .remedy("Use a bundle with weights in 8 or 4 bits, a narrower window, another adapter, or a CPU device")
+        .remedy("Use a bundle with weights in 8 or 4 bits, a narrower window, another adapter, or a CPU device"))
 }
 
 fn no_adapter() -> Error {
@@ -372,7 +375,9 @@ mod tests {
     #[test]
     #[cfg(target_os = "linux")]
     fn a_tensor_that_is_too_large_is_refused_with_figures() {
-        let error = too_large("decoder", "conv.weight", 3 << 19, 1 << 20);
+        check_fits(1 << 20, "decoder", "conv.weight", 1 << 20).expect("it fits");
+        check_fits(1 << 20, "decoder", "conv.weight", (1 << 20) + 1).expect_err("one byte too many");
+        let error = check_fits(1 << 20, "decoder", "conv.weight", 3 << 19).expect_err("half as much again");
         assert_eq!((error.kind(), error.offending_field()), (ErrorKind::Unsupported, Some("conv.weight")));
         assert!(error.cause().ends_with("has 1.5 MiB, and the adapter uses at most 1.0 MiB as one buffer"), "{error}");
     }

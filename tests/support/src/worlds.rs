@@ -53,7 +53,7 @@ pub fn webgpu() -> Device {
     Device::webgpu(&ort(), &options).expect("an adapter, and the plugin beside ONNX Runtime")
 }
 
-/// What a bundle's need of memory on `device` is that of.
+/// The kind of processor whose figures of [`Bundle::memory_need`] hold on `device`.
 pub fn processor(device: &Device) -> Processor {
     if device.is_gpu() { Processor::Gpu } else { Processor::Cpu }
 }
