@@ -405,12 +405,11 @@ impl Library {
                 self.report_violation("destroy", &why, OK);
             }
         }
-        if let Some(EffectContext { work: Some(work), inputs, .. }) = self.effect_contexts.remove(&known)
-            && work.in_flight() > 0
-        {
-            self.report_violation("destroy", &format!("{} frames are under way", work.in_flight()), OK);
-            // The device may still use both, so they are leaked.
-            std::mem::forget((work, inputs));
+        if let Some(EffectContext { work: Some(work), .. }) = self.effect_contexts.remove(&known) {
+            let late = work.completed_late();
+            if late > 0 {
+                self.report_violation("destroy", &format!("{late} frames are under way"), OK);
+            }
         }
         if self.contexts.remove(&known).is_none() {
             return self.report_violation("destroy", "there is no such context", PARAMETER);

@@ -3,6 +3,7 @@
 
 use std::ffi::c_void;
 use std::mem::ManuallyDrop;
+use std::time::{Duration, Instant};
 
 use windows::Win32::Graphics::Direct3D::ID3DBlob;
 use windows::Win32::Graphics::Direct3D12::*;
@@ -11,6 +12,9 @@ use windows::core::{Interface, Result};
 
 /// Number of frames in flight that AMD's libraries support.
 const SLOTS: u64 = 4;
+
+/// How long a context waits at its end for frames that it recorded: much longer than a frame takes on a processor.
+const LATE: Duration = Duration::from_millis(500);
 
 /// Number of inputs of the shader; it has one output.
 pub(crate) const INPUTS: usize = 7;
@@ -143,20 +147,33 @@ impl ShaderWork {
 
     /// Number of recorded frames that have not run and still may: none once the device is removed.
     pub(crate) fn in_flight(&self) -> u64 {
-        let completed = || {
-            let mut completed = 0;
-            let mapped = self.with_mapping(&self.completed_numbers, |numbers| {
-                completed = numbers.iter().copied().max().unwrap_or(0);
-            });
-            mapped.map(|()| completed)
-        };
         // Tests let one call fail.
-        let completed_numbers = completed().or_else(|_| completed()).unwrap_or(self.recorded);
+        let completed = self.completed().or_else(|_| self.completed()).unwrap_or(self.recorded);
         // Asked last, since the mapping fails too if the device is removed meanwhile.
         // SAFETY: a live device.
         let is_removed = unsafe { self.device.GetDeviceRemovedReason() }.is_err();
         // A frame whose recording failed may run nevertheless, and is completed without being counted.
-        if is_removed { 0 } else { self.recorded.saturating_sub(completed_numbers) }
+        if is_removed { 0 } else { self.recorded.saturating_sub(completed) }
+    }
+
+    /// Number of frames that complete within [`LATE`]: the device was still running them. The host never submits the others, whose list it
+    /// may reset because of an error that this library does not learn of.
+    pub(crate) fn completed_late(&self) -> u64 {
+        let before = self.in_flight();
+        let start = Instant::now();
+        let mut left = before;
+        while left > 0 && start.elapsed() < LATE {
+            std::thread::sleep(Duration::from_millis(1));
+            left = left.min(self.in_flight());
+        }
+        before - left
+    }
+
+    /// Number of the last frame that has run.
+    fn completed(&self) -> Result<u64> {
+        let mut completed = 0;
+        self.with_mapping(&self.completed_numbers, |numbers| completed = numbers.iter().copied().max().unwrap_or(0))?;
+        Ok(completed)
     }
 
     /// Records a frame. Every texture returns to its stated state. Writes the size of motion into `constants`.
