@@ -12,11 +12,12 @@ use cairn::ffx::{
     RequirementKind, requirements,
 };
 use cairn::gpu::Gpu;
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::{D3D12_FENCE_FLAG_NONE, ID3D12Fence};
 use cairn::gpu::windows::Win32::System::LibraryLoader::{GetProcAddress, LoadLibraryW};
 use cairn::gpu::windows::core::{Interface, PCWSTR, s};
 use cairn::{ErrorKind, Result};
 use test_support::d3d12::engine;
-use test_support::d3d12::resources::run_list;
+use test_support::d3d12::resources::{recorded_list, run_list};
 use test_support::ffx::double_folder::{ANALYTIC, ANALYTIC_20, DoubleFolder, ML, in_new_process, system};
 use test_support::ffx::frame_textures::Textures;
 
@@ -382,6 +383,42 @@ fn the_double_detects_too_many_frames_in_flight() {
         assert_eq!(record().expect_err("refused").kind(), ErrorKind::InvalidArgument);
         assert_eq!(double.violations(), ["dispatch: 4 frames are under way"]);
     });
+}
+
+#[test]
+fn the_double_detects_a_context_that_ends_before_its_frame() {
+    let double = DoubleFolder::empty().with(LibraryKind::FrameGeneration, &["sdk 2.1", ML]);
+    let (library, gpu) = (double.load().expect("loaded"), Gpu::on_adapter(None).expect("a device"));
+    let (api, device) = (library.api(Effect::FrameGeneration).expect("there"), gpu.device().as_raw());
+    let textures = Textures::new(&gpu, head().display_size);
+    let record = || {
+        // SAFETY: a live device, which outlives the generator.
+        let mut generator = unsafe { Generator::create(api, device, Choice::Any, head(), None) }.expect("a generator");
+        let list = recorded_list(&gpu, |list| {
+            // SAFETY: an open list of the generator's device, and textures that live until it has run.
+            unsafe { generator.record(&textures.frame(list, false)) }.expect("recorded");
+        });
+        (generator, list)
+    };
+    // A list that is never submitted keeps nothing under way.
+    drop(record());
+    assert_eq!(double.violations(), [""; 0]);
+    let (generator, (_allocator, list)) = record();
+    // SAFETY: a live device.
+    let gate: ID3D12Fence = unsafe { gpu.device().CreateFence(0, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
+    // SAFETY: a live queue and fence.
+    unsafe { gpu.frames().d3d12().Wait(&gate, 1) }.expect("a wait");
+    let frame = gpu.frames().submit(&[list]).expect("a submission");
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            std::thread::sleep(std::time::Duration::from_millis(50));
+            // SAFETY: a live fence.
+            unsafe { gate.Signal(1) }.expect("a signal");
+        });
+        drop(generator);
+    });
+    frame.wait().expect("it is done");
+    assert_eq!(double.violations(), ["destroy: 1 frames are under way"]);
 }
 
 /// Imitates a host that does not keep the creation chain: it is overwritten while the context exists.

@@ -60,14 +60,16 @@ fn the_embedded_world_and_weights_in_4_bits_run_on_the_adapter() {
         rollout.latent().expect("a latent").to_vec()
     };
     let options = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
-    for bundle in [cairn::bundle::Bundle::embedded(&Default::default()).expect("it"), bundle("miniature-4bit")] {
+    // Products of 4-bit weights are added in float16, all others in parts (docs/providers.md).
+    let embedded = cairn::bundle::Bundle::embedded(&Default::default()).expect("it");
+    for (bundle, bound) in [(embedded, 1e-2), (bundle("miniature-4bit"), 2e-2)] {
         let name = bundle.manifest().name.clone();
         let truth = latent(&World::load(&worlds::device(), &bundle, options.clone()).expect("a world"));
         let found =
             latent(&World::load(&webgpu(), &bundle, options.clone()).expect("a world with every node on the adapter"));
         let error = error(&found, &truth);
-        // The provider adds float16 in float16, the processor mostly in float32.
-        assert!(error > 0.0 && error <= 2e-2, "{name}: a relative error of {error:e} from the CPU provider's");
+        println!("{name}: a relative error of {error:e} from the CPU provider's");
+        assert!(error > 0.0 && error <= bound, "{name}: a relative error of {error:e} from the CPU provider's");
     }
 }
 

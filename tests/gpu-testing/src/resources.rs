@@ -222,8 +222,11 @@ pub fn transition(
     unsafe { list.ResourceBarrier(&[barrier]) };
 }
 
-/// Records a command list for the queue for frames, executes it, and waits for it.
-pub fn run_list(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) {
+/// Records and closes a command list for the queue for frames. The allocator lives until the list has run.
+pub fn recorded_list(
+    gpu: &Gpu,
+    record: impl FnOnce(&ID3D12GraphicsCommandList),
+) -> (ID3D12CommandAllocator, ID3D12CommandList) {
     let kind = gpu.frames().kind();
     // SAFETY: a live device.
     let allocator: ID3D12CommandAllocator = unsafe { gpu.device().CreateCommandAllocator(kind) }.expect("an allocator");
@@ -233,5 +236,11 @@ pub fn run_list(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) {
     record(&list);
     // SAFETY: an open list.
     unsafe { list.Close() }.expect("a closed list");
-    gpu.frames().submit(&[list.cast().expect("a list")]).expect("a submission").wait().expect("it is done");
+    (allocator, list.cast().expect("a list"))
+}
+
+/// Records a command list for the queue for frames, executes it, and waits for it.
+pub fn run_list(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) {
+    let (_allocator, list) = recorded_list(gpu, record);
+    gpu.frames().submit(&[list]).expect("a submission").wait().expect("it is done");
 }
