@@ -5,6 +5,7 @@
 //! - [`residual`] finds the residual stream and checks its type.
 //! - [`blocks`] checks the matrices that are stored in fewer than 16 bits.
 //! - [`peaks`] adds outputs to a model: the largest magnitudes of its values.
+//! - [`partial_sums`] divides float16 products by weights for providers that add float16 in float16.
 //! - [`products`] rewrites the products of attention for providers without `FusedMatMul`.
 //! - [`largest_weight`] finds a model's largest tensor of weights.
 //! - [`model_writer`] writes the small models that move and check values on a device.
@@ -20,6 +21,7 @@ mod interface;
 mod largest_weight;
 mod model_writer;
 mod operators;
+mod partial_sums;
 mod peaks;
 mod products;
 mod proto;
@@ -35,6 +37,7 @@ pub(super) use check::{ExternalData, ModelContext, check, footprint};
 pub(crate) use largest_weight::largest_weight;
 pub(crate) use model_writer::{ModelWriter, ValueType};
 pub use operators::operators;
+pub(crate) use partial_sums::with_partial_sums;
 pub(crate) use peaks::ModelWithPeaks;
 pub(crate) use products::without_fused_products;
 pub(super) use shape_inference::Footprint;

@@ -25,7 +25,7 @@ use super::device::{Backend, DeviceKind};
 use super::failure::make;
 use super::graph::TensorSpec;
 use super::{ExecutionContext, Graph, Ort, self_test};
-use crate::bundle::{ModelSource, Precision, largest_weight, without_fused_products};
+use crate::bundle::{ModelSource, Precision, largest_weight, with_partial_sums, without_fused_products};
 use crate::{Error, ErrorKind, LibrarySearch, Result};
 use context::WebGpuContext;
 pub use plugin::WebGpuOptions;
@@ -159,8 +159,12 @@ impl Backend for WebGpuBackend {
         for (tensor, bytes) in tensors.chain(largest_weight(model.onnx)?) {
             self.plugin.check_fits(what, &tensor, bytes)?;
         }
-        let rewritten = without_fused_products(model.onnx)?;
-        let model = ModelSource { onnx: rewritten.as_deref().unwrap_or(model.onnx), external: model.external.clone() };
+        let sizes: Vec<_> =
+            inputs.iter().chain(&outputs).map(|spec| (spec.name.as_str(), spec.shape.as_slice())).collect();
+        let divided = with_partial_sums(model.onnx, &sizes)?;
+        let onnx = divided.as_deref().unwrap_or(model.onnx);
+        let rewritten = without_fused_products(onnx)?;
+        let model = ModelSource { onnx: rewritten.as_deref().unwrap_or(onnx), external: model.external.clone() };
         let builder = make("prepare a session", || self.session(dimensions))?;
         let _held = LOCK.lock();
         let graph = Graph::commit(builder, what, &model, inputs, &[], outputs)?;
