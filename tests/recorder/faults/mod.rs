@@ -177,7 +177,11 @@ fn fail_each(source: Source, reach: Reach, failure: fn(u64) -> Failure, count: u
     let least = if matches!(source, Source::Amd(_)) { 9 } else { 50 };
     assert!(all > least, "{all} calls were counted");
     let trials = chosen_calls(source, all, count);
-    let failures: u32 = trials.iter().map(|call| trial(Some(failure(*call))).1).sum();
+    let fail = |(number, call): (usize, &u64)| {
+        println!("trial {number} of {}: {:?} of {all} calls", trials.len(), failure(*call));
+        trial(Some(failure(*call))).1
+    };
+    let failures: u32 = (1..).zip(&trials).map(fail).sum();
     println!("{all} calls, of which {} failed; {failures} calls of the C interface failed", trials.len());
     assert_eq!(failures > 0, reach == Reach::Host, "failures reach the host");
 }
