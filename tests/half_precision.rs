@@ -75,9 +75,10 @@ fn float16_is_enough_for_the_test_worlds() {
     for (name, is_wide) in [("tiny", false), ("tiny-residual", true), ("miniature-8bit", false)] {
         let found = comparison(name);
         assert_eq!(found.is_residual_wide, is_wide);
-        // WebGPU's provider adds products in float16, others in float32: its errors are twice theirs.
-        let factor = if device().kind() == DeviceKind::WebGpu { 2.5 } else { 1.0 };
-        let (most, most_of_a_layer) = (factor * MAX_LATENT_ERROR / 3.0, factor * MAX_LATENT_ERROR);
+        println!("{name}: errors of {:e}, and of {:e} in a layer", found.latent_error, found.worst_layer.1);
+        // The WebGPU provider adds products of 8-bit weights in float16.
+        let factor = if device().kind() == DeviceKind::WebGpu { 1.25 } else { 1.0 };
+        let (most, most_of_a_layer) = (factor * MAX_LATENT_ERROR / 3.0, MAX_LATENT_ERROR);
         assert!(found.latent_error > 0.0 && found.latent_error < most, "{name}");
         assert!(found.worst_layer.1 > 0.0 && found.worst_layer.1 < most_of_a_layer, "{name}");
         let peak = found.peak.expect("transformers that name their values alike");
