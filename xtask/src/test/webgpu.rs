@@ -4,7 +4,7 @@
 use std::process::Command;
 
 use super::tally::{Skip, Tally};
-use super::{Context, cargo, lab, python};
+use super::{Context, cargo, lab, python, windows_build};
 use crate::shell::Log;
 
 /// Test programs for worlds on any device, and the tests of each that are in every run.
@@ -51,7 +51,32 @@ pub(super) fn run_all(context: &Context<'_>, log: &mut Log) -> Result<Tally, Str
     tally.add(worlds(context, log, "soak", |command| {
         command.env("CAIRN_SOAK_LATENTS", SOAK_LATENTS);
     })?);
+    tally.add(exchanged_states(context, log)?);
     tally.add(parity(context, log, false)?);
+    Ok(tally)
+}
+
+/// Saved states of the processor, WebGPU and DirectML go on on the two others.
+fn exchanged_states(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    const PROGRAM: &str = "exchanged_states";
+    const VARIABLE: &str = "CAIRN_EXCHANGED_STATES";
+    // Not a temporary folder of the system: the lab has its own.
+    let folder = tempfile::tempdir_in(&context.workspace.target).map_err(|e| format!("a folder for states: {e}"))?;
+    let mut tally = Tally::default();
+    // The first two come again, to continue the states of those after them.
+    for device in ["cpu", "webgpu", "d3d12", "cpu", "webgpu"] {
+        tally.add(match device {
+            "d3d12" => {
+                let mut command = context.windows_tests([PROGRAM], log)?;
+                command.args(["--", "--nocapture"]).env("CAIRN_TEST_DEVICE", device).env(VARIABLE, folder.path());
+                context.provide_windows_worlds(&mut command)?;
+                windows_build::run(&mut command, &[], log)?
+            }
+            _ => tests(context, log, PROGRAM, |command| {
+                command.arg("--nocapture").env("CAIRN_TEST_DEVICE", device).env(VARIABLE, folder.path());
+            })?,
+        });
+    }
     Ok(tally)
 }
 

@@ -16,7 +16,7 @@ use crate::shell::{CommandOutput, Log};
 const EVERYTHING: [&str; 3] = ["--workspace", "--exclude", "xtask"];
 
 /// The test programs that a runner runs on Windows. Others show nothing there that they do not show on this machine.
-const TEST_PROGRAMS: [&str; 41] = [
+const TEST_PROGRAMS: [&str; 42] = [
     "callbacks",
     "check",
     "compare",
@@ -35,6 +35,7 @@ const TEST_PROGRAMS: [&str; 41] = [
     "d3d12_shaders",
     "d3d12_validation",
     "directml",
+    "exchanged_states",
     "ffx",
     "ffx_amd",
     "ffx_frames",

@@ -1,0 +1,69 @@
+//! A saved state of one device goes on alike on every other. Each run leaves a state in the folder `CAIRN_EXCHANGED_STATES` and continues those that
+//! runs on other devices left there; without the folder, only its own. `cargo xtask test --thorough webgpu-all` runs it on the processor, WebGPU and
+//! DirectML, each of which continues a state of each other.
+
+use std::ops::Range;
+use std::path::PathBuf;
+
+use cairn::runtime::DeviceKind;
+use cairn::world::Rollout;
+use test_support::worlds::{controls, point, seeded, world};
+
+/// Largest relative error of a float32 latent from another device's.
+const BOUND: f64 = 1e-4;
+
+/// Steps before the state is saved, and all steps.
+const STEPS: [u64; 2] = [2, 4];
+
+fn steps(rollout: &mut Rollout, range: Range<u64>) {
+    for i in range {
+        rollout.step(&controls(i)).expect("a step");
+    }
+}
+
+/// The latent some steps after the state.
+fn go_on(rollout: &mut Rollout) -> Vec<f32> {
+    steps(rollout, STEPS[0]..STEPS[1]);
+    rollout.latent().expect("a latent").to_vec()
+}
+
+/// Relative error in the L2 norm.
+fn error(found: &[f32], truth: &[f32]) -> f64 {
+    let square = |v: f32| f64::from(v) * f64::from(v);
+    let apart: f64 = found.iter().zip(truth).map(|(a, b)| square(a - b)).sum();
+    (apart / truth.iter().map(|v| square(*v)).sum::<f64>()).sqrt()
+}
+
+#[test]
+fn a_state_of_another_device_goes_on_alike() {
+    let own_folder = tempfile::tempdir().expect("a folder");
+    let folder = std::env::var_os("CAIRN_EXCHANGED_STATES").map_or_else(|| own_folder.path().to_owned(), PathBuf::from);
+    let world = world("tiny");
+    let own = match world.device().kind() {
+        DeviceKind::Cpu => "cpu",
+        DeviceKind::Direct3d12 => "directml",
+        DeviceKind::WebGpu => "webgpu",
+    };
+    let mut rollout = seeded(&world, &point(&world), 7);
+    steps(&mut rollout, 0..STEPS[0]);
+    let saved = rollout.save().expect("a state");
+    let latent: Vec<u8> = go_on(&mut rollout).iter().flat_map(|v| v.to_le_bytes()).collect();
+    // The latent first: a run that is stopped leaves no state without it.
+    for (kind, bytes) in [("latent", &latent), ("state", &saved)] {
+        std::fs::write(folder.join(own).with_extension(kind), bytes).expect("a file");
+    }
+    for file in folder.read_dir().expect("a folder") {
+        let path = file.expect("a file").path();
+        if path.extension().is_none_or(|kind| kind != "state") {
+            continue;
+        }
+        let latent = std::fs::read(path.with_extension("latent")).expect("a latent");
+        let truth: Vec<f32> = latent.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+        let mut moved = Rollout::new(&world, &point(&world), 1).expect("a rollout");
+        moved.restore(&std::fs::read(&path).expect("a state")).expect("the state fits");
+        let error = error(&go_on(&mut moved), &truth);
+        let other = path.file_stem().expect("a name").to_string_lossy().into_owned();
+        println!("{own} continues the state of {other}: a relative error of {error:e}");
+        assert!(if other == own { error == 0.0 } else { error > 0.0 && error <= BOUND }, "{other}: {error:e}");
+    }
+}
