@@ -440,13 +440,14 @@ typedef struct cairn_device_info {
 CAIRN_API cairn_result cairn_device_create_cpu(const cairn_device_options *options, cairn_device **device);
 
 /**
- * Creates a device on a graphics adapter, by ONNX Runtime's WebGPU provider: on Linux by Vulkan. Experimental: this function may change without a
- * new CAIRN_ABI_VERSION. The provider's library is of the PyPI package onnxruntime-ep-webgpu 0.4.0: libonnxruntime_providers_webgpu.so, on Windows
+ * Creates a device on a graphics adapter, by ONNX Runtime's WebGPU provider: by Vulkan on Linux, and on Windows by Direct3D 12, or by Vulkan if
+ * a copy of the system's vulkan-1.dll lies beside the provider's library. Experimental: this function may change without a new
+ * CAIRN_ABI_VERSION. The provider's library is of the PyPI package onnxruntime-ep-webgpu 0.4.0: libonnxruntime_providers_webgpu.so, on Windows
  * onnxruntime_providers_webgpu.dll. Worlds are float16 where the adapter has it.
  *
  * adapter: a part of the adapter's name in any case, its vendor such as "0x1002", or its number among those that Vulkan lists, UTF-8. An adapter
- * that the processor emulates is used only if it is named so. Null for the fastest; on Windows it must be null. All such devices of a process
- * use one adapter, and their work takes turns.
+ * that the processor emulates is used only if it is named so. Null for the fastest; it must be null where the provider uses Direct3D 12. All
+ * such devices of a process use one adapter, and their work takes turns.
  * options: may be null for the defaults. threads and ffx are not used.
  *
  * Ownership: on success *device is the caller's, for cairn_device_destroy; on failure it is not written. What adapter and options point to is

@@ -174,8 +174,7 @@ pub unsafe extern "C" fn cairn_device_requirements(
 fn of_webgpu(options: DeviceOptions) -> Vec<cairn_requirement> {
     let status = |met| if met { CAIRN_REQUIREMENT_MET } else { CAIRN_REQUIREMENT_NOT_MET };
     let is_known = cfg!(any(target_os = "linux", windows));
-    let mut rows =
-        vec![row(CAIRN_REQUIREMENT_PLATFORM, status(is_known), "Linux; on Windows it was not tested", &platform())];
+    let mut rows = vec![row(CAIRN_REQUIREMENT_PLATFORM, status(is_known), "Linux or Windows", &platform())];
     let ort = Ort::find(&options.libraries);
     if let Ok(ort) = &ort {
         let WebGpuRequirements { library, adapter } = WebGpuRequirements::find(ort, &options.libraries);

@@ -127,8 +127,9 @@ impl Device {
         Ok(Self::of(Arc::new(super::directml::DirectMlBackend::new(ort, gpu, options)?)))
     }
 
-    /// A graphics adapter, through ONNX Runtime's WebGPU provider: by Vulkan on Linux. It needs the plugin's library,
-    /// `libonnxruntime_providers_webgpu.so`.
+    /// A graphics adapter, through ONNX Runtime's WebGPU provider: by Vulkan on Linux, and on Windows by Direct3D 12, or by Vulkan
+    /// if `vulkan-1.dll` lies beside the plugin's library, which it needs: `libonnxruntime_providers_webgpu.so`, or
+    /// `onnxruntime_providers_webgpu.dll`.
     ///
     /// All WebGPU devices of a process share one adapter, and their work takes turns. Worlds are float16 where the adapter has it.
     ///

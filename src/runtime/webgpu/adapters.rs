@@ -1,17 +1,26 @@
-//! The adapters that Vulkan lists, and the one among them that the provider takes.
+//! The adapters that Vulkan lists, and the one among them that the provider takes where it uses Vulkan.
 //!
 //! The provider chooses by itself, by a preference for speed or for saving power. So what a host names is compared with that choice.
 
 use std::ffi::CStr;
+use std::path::{Path, PathBuf};
 
 use ash::vk;
 
+#[cfg(not(windows))]
 use super::WebGpuAdapter;
 use crate::runtime::DeviceMemory;
 use crate::{Error, ErrorKind, Result};
 
-/// Vulkan's loader.
-const LOADER: &str = "libvulkan.so.1";
+/// Vulkan's loader, as the provider finds it: on Windows only as a file in its own folder, since it loads `vulkan-1.dll` with flags that allow
+/// full paths only. `plugin` is the provider's library.
+pub(super) fn loader(plugin: Option<&Path>) -> Option<PathBuf> {
+    if cfg!(windows) {
+        plugin.map(|plugin| plugin.with_file_name("vulkan-1.dll")).filter(|loader| loader.is_file())
+    } else {
+        Some(PathBuf::from("libvulkan.so.1"))
+    }
+}
 
 /// Kinds of adapters, as the provider ranks them for speed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -34,7 +43,7 @@ struct Adapter {
 }
 
 /// The adapter that the provider takes.
-pub(super) struct Chosen {
+pub(super) struct VulkanAdapter {
     pub(super) name: String,
     /// Bytes that a shader can read or write as one buffer.
     pub(super) largest_buffer: u64,
@@ -60,8 +69,10 @@ impl Drop for Instance {
 }
 
 /// All adapters, in Vulkan's order.
+#[cfg(not(windows))]
 pub(super) fn list() -> Result<Vec<WebGpuAdapter>> {
-    let (_, adapters) = Instance::new()?.adapters()?;
+    let Some(loader) = loader(None) else { return Ok(Vec::new()) };
+    let (_, adapters) = Instance::new(&loader)?.adapters()?;
     let public = |Adapter { name, vendor, kind, memory }| {
         let software = kind == Kind::Software;
         WebGpuAdapter { name, vendor, memory, software }
@@ -69,10 +80,10 @@ pub(super) fn list() -> Result<Vec<WebGpuAdapter>> {
     Ok(adapters.into_iter().map(public).collect())
 }
 
-impl Chosen {
+impl VulkanAdapter {
     /// The adapter that `wanted` names, or the fastest.
-    pub(super) fn new(wanted: Option<&str>) -> Result<Self> {
-        let instance = Instance::new()?;
+    pub(super) fn choose(loader: &Path, wanted: Option<&str>) -> Result<Self> {
+        let instance = Instance::new(loader)?;
         let (devices, adapters) = instance.adapters()?;
         let (i, low_power) = choose(&adapters, wanted)?;
         // SAFETY: a device of the live instance.
@@ -104,10 +115,10 @@ impl Chosen {
 }
 
 impl Instance {
-    fn new() -> Result<Self> {
-        // SAFETY: the system's Vulkan loader, whose initialisers are trusted as the graphics driver is.
-        let library = unsafe { libloading::Library::new(LOADER) }
-            .map_err(|error| no_vulkan(&format!("{LOADER} cannot be loaded: {error}")))?;
+    fn new(loader: &Path) -> Result<Self> {
+        // SAFETY: Vulkan's loader, whose initialisers are trusted as the graphics driver is.
+        let library = unsafe { libloading::Library::new(loader) }
+            .map_err(|error| no_vulkan(&format!("{} cannot be loaded: {error}", loader.display())))?;
         // SAFETY: Vulkan's loader has this symbol with this type.
         let address = unsafe { library.get::<vk::PFN_vkGetInstanceProcAddr>(b"vkGetInstanceProcAddr\0") }
             .map_err(|error| no_vulkan(&error.to_string()))?;
@@ -213,8 +224,13 @@ fn is_named(adapters: &[Adapter], number: usize, wanted: &str) -> bool {
 }
 
 fn no_vulkan(cause: &str) -> Error {
-    Error::new(ErrorKind::Unsupported, format!("there is no graphics adapter by Vulkan: {cause}"))
-        .remedy("Install the adapter's Vulkan driver and the package libvulkan1, or use a CPU device")
+    Error::new(ErrorKind::Unsupported, format!("there is no graphics adapter by Vulkan: {cause}")).remedy(
+        if cfg!(windows) {
+            "Install the adapter's newest driver, or use Direct3D 12: remove vulkan-1.dll beside the provider's library"
+        } else {
+            "Install the adapter's Vulkan driver and the package libvulkan1, or use a CPU device"
+        },
+    )
 }
 
 #[cfg(test)]

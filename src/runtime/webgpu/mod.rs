@@ -1,9 +1,9 @@
-//! Runs worlds on a graphics adapter through ONNX Runtime's WebGPU provider, a plugin that uses Vulkan on Linux.
+//! Runs worlds on a graphics adapter through ONNX Runtime's WebGPU provider, a plugin that uses Vulkan on Linux, and Direct3D 12 or Vulkan on Windows.
 //!
 //! All values stay in buffers on the adapter. The provider gives no access to its queue, so moves and checks of values are small graphs of
 //! their own ([`helper_graphs`]).
 
-#[cfg(target_os = "linux")]
+#[cfg(any(target_os = "linux", windows))]
 mod adapters;
 mod buffer;
 mod context;
@@ -19,7 +19,7 @@ use std::time::Duration;
 use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 
-#[cfg(target_os = "linux")]
+#[cfg(any(target_os = "linux", windows))]
 use super::DeviceMemory;
 use super::device::{Backend, DeviceKind};
 use super::failure::make;
@@ -137,7 +137,7 @@ impl Backend for WebGpuBackend {
         DeviceKind::WebGpu
     }
 
-    #[cfg(target_os = "linux")]
+    #[cfg(any(target_os = "linux", windows))]
     fn memory(&self) -> Option<DeviceMemory> {
         self.plugin.memory_use()
     }

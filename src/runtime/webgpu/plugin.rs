@@ -12,11 +12,11 @@ use ort::session::Session;
 use ort::sys;
 
 use super::super::failure::make;
-#[cfg(target_os = "linux")]
-use super::adapters::Chosen;
+#[cfg(any(target_os = "linux", windows))]
+use super::adapters::VulkanAdapter;
 use super::value::check;
 use crate::locks::Mutex;
-#[cfg(target_os = "linux")]
+#[cfg(any(target_os = "linux", windows))]
 use crate::runtime::DeviceMemory;
 use crate::runtime::Ort;
 use crate::{Error, ErrorKind, LibrarySearch, Result};
@@ -55,7 +55,7 @@ pub struct WebGpuOptions {
     /// The adapter: a part of its name in any case, its vendor as `0x1002`, or its number among those that Vulkan lists. `None`: the fastest,
     /// but no adapter that the processor emulates. All WebGPU devices of a process use the adapter of the first.
     ///
-    /// On systems other than Linux only `None` is allowed.
+    /// Adapters can be named on Linux, and on Windows where the provider uses Vulkan: where `vulkan-1.dll` lies beside its library.
     pub adapter: Option<String>,
     /// Where the provider's library is: the file that [`LibrarySearch::webgpu`] names, the one in the environment variable `CAIRN_WEBGPU` if the
     /// environment may name libraries, else the one beside ONNX Runtime's own. The first device of a process decides.
@@ -71,8 +71,7 @@ pub(super) struct Plugin {
     allocator: *mut sys::OrtAllocator,
     options: Vec<(String, String)>,
     description: String,
-    #[cfg(target_os = "linux")]
-    adapter: Chosen,
+    adapter: Adapter,
     registration: Arc<Registration>,
 }
 
@@ -85,7 +84,7 @@ impl Plugin {
     /// Registers the plugin that lies beside ONNX Runtime, and chooses an adapter.
     pub(super) fn load(ort: &Ort, options: &super::WebGpuOptions) -> Result<Self> {
         let registration = register(ort, &options.libraries)?;
-        let adapter = Chosen::new(options.adapter.as_deref())?;
+        let adapter = Adapter::choose(options.adapter.as_deref(), Some(&registration.path))?;
         fix_adapter(&adapter.name)?;
         let device = find_device(ort)?;
         let (device, memory) = (device.ptr(), device.memory_info(false).ptr());
@@ -98,25 +97,19 @@ impl Plugin {
             return Err(Error::new(ErrorKind::Device, "the WebGPU provider has no allocator for its adapter"));
         }
         let preference = if adapter.low_power { "low-power" } else { "high-performance" };
-        let options = [
+        let mut options = vec![
             ("powerPreference", preference),
             // Buffers outlive sessions.
             ("preserveDevice", "1"),
         ];
-        let options = options.map(|(name, value)| (format!("{PROVIDER}.{name}"), value.to_owned())).to_vec();
+        if adapter.is_vulkan() {
+            options.push(("dawnBackendType", "Vulkan"));
+        }
+        let options =
+            options.into_iter().map(|(name, value)| (format!("{PROVIDER}.{name}"), value.to_owned())).collect();
         let description = format!("ONNX Runtime {} WebGPU {} on {}", ort.version(), version_of(device), adapter.name);
         let ort = ort.clone();
-        Ok(Self {
-            ort,
-            device,
-            memory,
-            allocator,
-            options,
-            description,
-            #[cfg(target_os = "linux")]
-            adapter,
-            registration,
-        })
+        Ok(Self { ort, device, memory, allocator, options, description, adapter, registration })
     }
 
     pub(super) fn describe(&self) -> &str {
@@ -153,19 +146,16 @@ impl Plugin {
     }
 
     /// The adapter's memory budget and use.
-    #[cfg(target_os = "linux")]
+    #[cfg(any(target_os = "linux", windows))]
     pub(super) fn memory_use(&self) -> Option<DeviceMemory> {
-        self.adapter.memory()
+        self.adapter.vulkan.as_ref()?.memory()
     }
 
     /// Refuses a graph that holds more in one buffer than the adapter can use.
     pub(super) fn check_fits(&self, what: &str, tensor: &str, bytes: u64) -> Result<()> {
-        #[cfg(target_os = "linux")]
-        return check_fits(self.adapter.largest_buffer, what, tensor, bytes);
-        #[cfg(not(target_os = "linux"))]
-        {
-            let _ = (what, tensor, bytes);
-            Ok(())
+        match self.adapter.largest_buffer() {
+            Some(largest) => check_fits(largest, what, tensor, bytes),
+            None => Ok(()),
         }
     }
 
@@ -174,22 +164,52 @@ impl Plugin {
     }
 }
 
-/// The adapter, on systems where the provider alone knows it.
-#[cfg(not(target_os = "linux"))]
-struct Chosen {
+/// The adapter that the provider takes.
+struct Adapter {
     name: String,
+    /// Whether the provider must prefer saving power to take it.
     low_power: bool,
+    /// What Vulkan knows of it, if the provider uses Vulkan.
+    #[cfg(any(target_os = "linux", windows))]
+    vulkan: Option<VulkanAdapter>,
 }
 
-#[cfg(not(target_os = "linux"))]
-impl Chosen {
-    fn new(wanted: Option<&str>) -> Result<Self> {
-        match wanted {
-            None => Ok(Self { name: "the system's fastest adapter".to_owned(), low_power: false }),
-            Some(_) => Err(Error::new(ErrorKind::Unsupported, "an adapter can be named on Linux only")
-                .field("adapter")
-                .remedy("Leave the choice to ONNX Runtime")),
+impl Adapter {
+    /// `plugin` is the provider's library.
+    fn choose(wanted: Option<&str>, plugin: Option<&Path>) -> Result<Self> {
+        #[cfg(any(target_os = "linux", windows))]
+        if let Some(loader) = super::adapters::loader(plugin) {
+            let vulkan = VulkanAdapter::choose(&loader, wanted)?;
+            return Ok(Self { name: vulkan.name.clone(), low_power: vulkan.low_power, vulkan: Some(vulkan) });
         }
+        let _ = plugin;
+        match wanted {
+            None => Ok(Self {
+                name: "the system's fastest adapter".to_owned(),
+                low_power: false,
+                #[cfg(any(target_os = "linux", windows))]
+                vulkan: None,
+            }),
+            Some(_) => Err(Error::new(ErrorKind::Unsupported, "an adapter can be named only where the provider uses Vulkan")
+                .field("adapter")
+                .remedy(if cfg!(windows) {
+                    "Leave the choice to ONNX Runtime, or put vulkan-1.dll of the system's folder beside the provider's library"
+                } else {
+                    "Leave the choice to ONNX Runtime"
+                })),
+        }
+    }
+
+    fn is_vulkan(&self) -> bool {
+        self.largest_buffer().is_some()
+    }
+
+    /// Bytes that a shader can read or write as one buffer; `None` if only the provider knows.
+    fn largest_buffer(&self) -> Option<u64> {
+        #[cfg(any(target_os = "linux", windows))]
+        return self.vulkan.as_ref().map(|vulkan| vulkan.largest_buffer);
+        #[cfg(not(any(target_os = "linux", windows)))]
+        None
     }
 }
 
@@ -231,7 +251,7 @@ fn find_device(ort: &Ort) -> Result<Device<'_>> {
 /// The file of the plugin's library, which is registered, and the name of the adapter that a device would use.
 pub(super) fn requirements(ort: &Ort, search: &LibrarySearch) -> (Result<PathBuf>, Result<String>) {
     let library = register(ort, search).map(|registration| registration.path.clone());
-    let adapter = Chosen::new(None).and_then(|adapter| {
+    let adapter = Adapter::choose(None, library.as_deref().ok()).and_then(|adapter| {
         if library.is_ok() {
             find_device(ort)?;
         }
@@ -270,7 +290,6 @@ fn missing(path: &Path, why: &str) -> Error {
         ))
 }
 
-#[cfg(target_os = "linux")]
 fn check_fits(largest: u64, what: &str, tensor: &str, bytes: u64) -> Result<()> {
     if bytes <= largest {
         return Ok(());
@@ -373,7 +392,6 @@ mod tests {
     use crate::runtime::self_test;
 
     #[test]
-    #[cfg(target_os = "linux")]
     fn a_tensor_that_is_too_large_is_refused_with_figures() {
         check_fits(1 << 20, "decoder", "conv.weight", 1 << 20).expect("it fits");
         check_fits(1 << 20, "decoder", "conv.weight", (1 << 20) + 1).expect_err("one byte too many");

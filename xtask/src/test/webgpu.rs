@@ -1,7 +1,11 @@
 //! Worlds on ONNX Runtime's WebGPU provider, in the lab, on its software Vulkan driver: tests of their own, the tests that worlds on other
 //! devices pass, and parity with the oracle. Every run has a short form, `--thorough` runs all.
 
+use std::fs;
+use std::path::PathBuf;
 use std::process::Command;
+
+use provision::Console;
 
 use super::tally::{Skip, Tally};
 use super::{Context, cargo, lab, python, windows_build};
@@ -19,6 +23,9 @@ const SHORT: [(&str, &[&str]); 2] = [
 /// The programs whose tests all run with `--thorough`.
 const PROGRAMS: [&str; 7] =
     ["rollout", "rollout_budget", "rollout_refusals", "rollout_state", "slices", "half_precision", "quantised_worlds"];
+
+/// Those of them that also run as Windows programs.
+const PROGRAMS_ON_WINDOWS: [&str; 3] = ["rollout_budget", "rollout_state", "half_precision"];
 
 /// Latents of the soak.
 const SOAK_LATENTS: &str = "500";
@@ -51,6 +58,9 @@ pub(super) fn run_all(context: &Context<'_>, log: &mut Log) -> Result<Tally, Str
     tally.add(worlds(context, log, "soak", |command| {
         command.env("CAIRN_SOAK_LATENTS", SOAK_LATENTS);
     })?);
+    for program in PROGRAMS_ON_WINDOWS {
+        tally.add(on_windows(context, log, program, |_| ())?);
+    }
     tally.add(exchanged_states(context, log)?);
     tally.add(parity(context, log, false)?);
     Ok(tally)
@@ -64,20 +74,58 @@ fn exchanged_states(context: &Context<'_>, log: &mut Log) -> Result<Tally, Strin
     let folder = tempfile::tempdir_in(&context.workspace.target).map_err(|e| format!("a folder for states: {e}"))?;
     let mut tally = Tally::default();
     // The first two come again, to continue the states of those after them.
-    for device in ["cpu", "webgpu", "d3d12", "cpu", "webgpu"] {
+    for device in ["cpu", "webgpu", "webgpu on Windows", "d3d12", "cpu", "webgpu"] {
+        let more = |command: &mut Command| {
+            command.arg("--nocapture").env(VARIABLE, folder.path());
+        };
         tally.add(match device {
+            "webgpu on Windows" => on_windows(context, log, PROGRAM, more)?,
             "d3d12" => {
                 let mut command = context.windows_tests([PROGRAM], log)?;
-                command.args(["--", "--nocapture"]).env("CAIRN_TEST_DEVICE", device).env(VARIABLE, folder.path());
+                more(command.arg("--").env("CAIRN_TEST_DEVICE", device));
                 context.provide_windows_worlds(&mut command)?;
                 windows_build::run(&mut command, &[], log)?
             }
-            _ => tests(context, log, PROGRAM, |command| {
-                command.arg("--nocapture").env("CAIRN_TEST_DEVICE", device).env(VARIABLE, folder.path());
-            })?,
+            _ => tests(context, log, PROGRAM, |command| more(command.env("CAIRN_TEST_DEVICE", device)))?,
         });
     }
     Ok(tally)
+}
+
+/// Runs a test program for worlds on any device as a Windows program, on the WebGPU provider. It uses Vulkan there, since the lab's Direct3D 12
+/// shares no fences, which the provider's Direct3D 12 needs.
+fn on_windows(
+    context: &Context<'_>,
+    log: &mut Log,
+    program: &str,
+    more: impl FnOnce(&mut Command),
+) -> Result<Tally, String> {
+    let mut command = context.windows_tests([program], log)?;
+    more(command.args(["--", "--test-threads=1"]).env("CAIRN_TEST_DEVICE", "webgpu"));
+    context.provide_windows_worlds(&mut command)?;
+    command.env("CAIRN_ONNXRUNTIME", lab::windows_path(&windows_runtime(context)?));
+    windows_build::run(&mut command, &[], log)
+}
+
+/// ONNX Runtime for Windows in a folder with the provider's library and Vulkan's loader, where the library finds it.
+fn windows_runtime(context: &Context<'_>) -> Result<PathBuf, String> {
+    let console = Console::new();
+    let library = provision::onnxruntime_with_webgpu_for_windows(&console).map_err(|e| e.to_string())?;
+    let lab = provision::lab::lab(&console).map_err(|e| e.to_string())?;
+    let loader = lab.folder().join("root/windows/drive_c/windows/system32/vulkan-1.dll");
+    let folder = context.workspace.target.join("webgpu-windows");
+    let copy = || -> std::io::Result<PathBuf> {
+        fs::create_dir_all(&folder)?;
+        let mut files = vec![loader.clone()];
+        for file in library.parent().expect("a folder").read_dir()? {
+            files.push(file?.path());
+        }
+        for file in &files {
+            fs::copy(file, folder.join(file.file_name().expect("a file")))?;
+        }
+        Ok(folder.join(library.file_name().expect("a file")))
+    };
+    copy().map_err(|e| format!("{}: {e}", folder.display()))
 }
 
 /// Why this machine cannot run them.
