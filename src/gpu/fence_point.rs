@@ -1,16 +1,20 @@
 //! Fence points: a fence and a value.
 
+use std::time::{Duration, Instant};
+
 use windows::Win32::Foundation::{CloseHandle, HANDLE, WAIT_OBJECT_0, WAIT_TIMEOUT};
 use windows::Win32::Graphics::Direct3D12::{ID3D12Device, ID3D12Fence};
 use windows::Win32::System::Threading::{CreateEventW, WaitForSingleObject};
 
-use super::failure::{failed_on, removed};
+use super::failure::removed;
 use crate::{Error, ErrorKind, Result};
 
 /// Time between two checks for device removal while waiting, in milliseconds: not every driver signals fences when the device is removed.
 const SLICE_MS: u32 = 100;
-/// Number of such slices to wait for work of a removed device.
-const PATIENCE: u32 = 100;
+/// Time between two looks at the fence where there is no event to wait for.
+const POLLING: Duration = Duration::from_millis(1);
+/// How long to wait for work of a removed device.
+const PATIENCE: Duration = Duration::from_secs(10);
 
 /// A fence value on a queue, reached when all work submitted before it has completed. Cheap to clone.
 ///
@@ -69,14 +73,11 @@ impl FencePoint {
     /// Waits until the work has stopped, before its resources are freed. Unlike [`wait`](Self::wait), also waits on a removed device, since not
     /// every driver drops submitted work when the device is removed.
     pub(crate) fn wait_ignoring_loss(&self) {
-        let Ok(event) = Event::new() else { return };
-        // SAFETY: as in `wait`.
-        if unsafe { self.fence.SetEventOnCompletion(self.value, event.0) }.is_err() {
-            return;
-        }
-        let mut patience = PATIENCE;
-        while patience > 0 && !self.reached() && event.wait().is_ok_and(|came| !came) {
-            patience -= u32::from(removed(&self.device).is_some());
+        let (event, mut removed_since) = (self.event(), None);
+        while !self.reached() && !pause(event.as_ref()) {
+            if removed(&self.device).is_some() && removed_since.get_or_insert_with(Instant::now).elapsed() >= PATIENCE {
+                return;
+            }
         }
     }
 
@@ -86,11 +87,8 @@ impl FencePoint {
     /// `DeviceRemoved` if the device is removed before or during the wait; the work may then be half done.
     pub fn wait(&self) -> Result<()> {
         if !self.reached() {
-            let event = Event::new().map_err(|e| failed_on(&self.device, "CreateEventW", &e))?;
-            // SAFETY: a live fence and a live event that outlives the wait; the fence may signal a closed handle later without effect.
-            unsafe { self.fence.SetEventOnCompletion(self.value, event.0) }
-                .map_err(|e| failed_on(&self.device, "ID3D12Fence::SetEventOnCompletion", &e))?;
-            while !event.wait()? && !self.reached() {
+            let event = self.event();
+            while !pause(event.as_ref()) && !self.reached() {
                 if let Some(gone) = removed(&self.device) {
                     self.wait_ignoring_loss();
                     return Err(gone);
@@ -99,6 +97,23 @@ impl FencePoint {
         }
         removed(&self.device).map_or(Ok(()), Err)
     }
+
+    /// An event that is signalled when it is reached; `None` if the system is short of memory.
+    fn event(&self) -> Option<Event> {
+        let event = Event::new().ok()?;
+        // SAFETY: a live fence and a live event; the fence may signal a closed handle later without effect.
+        unsafe { self.fence.SetEventOnCompletion(self.value, event.0) }.ok()?;
+        Some(event)
+    }
+}
+
+/// Waits for one slice; returns whether the event was signalled. Without an event it sleeps for a part of a slice: the device goes on using what
+/// the caller frees next, so that a wait may not fail for want of memory.
+fn pause(event: Option<&Event>) -> bool {
+    event.and_then(Event::wait).unwrap_or_else(|| {
+        std::thread::sleep(POLLING);
+        false
+    })
 }
 
 impl std::fmt::Debug for FencePoint {
@@ -116,13 +131,13 @@ impl Event {
         unsafe { CreateEventW(None, true, false, None) }.map(Self)
     }
 
-    /// Waits for one slice; returns whether the event was signalled.
-    fn wait(&self) -> Result<bool> {
+    /// Waits for one slice; returns whether the event was signalled, or `None` if the system cannot wait.
+    fn wait(&self) -> Option<bool> {
         // SAFETY: the handle is open.
         match unsafe { WaitForSingleObject(self.0, SLICE_MS) } {
-            WAIT_OBJECT_0 => Ok(true),
-            WAIT_TIMEOUT => Ok(false),
-            other => Err(Error::new(ErrorKind::Device, format!("WaitForSingleObject gave {:#x}", other.0))),
+            WAIT_OBJECT_0 => Some(true),
+            WAIT_TIMEOUT => Some(false),
+            _ => None,
         }
     }
 }
