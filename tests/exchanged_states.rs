@@ -1,5 +1,5 @@
-//! A saved state of one device goes on alike on every other. Each run leaves a state in the folder `CAIRN_EXCHANGED_STATES` and continues those that
-//! runs on other devices left there; without the folder, only its own. `cargo xtask test --thorough webgpu-all` runs it on the processor, on WebGPU on
+//! A saved state of one device goes on alike on every other. Each run leaves a state in the folder `CAIRN_EXCHANGED_STATES` and continues those
+//! that runs on other devices left there; without the folder, only its own. `cargo xtask test --thorough webgpu-all` runs it on the processor, on WebGPU on
 //! Linux and Windows, and on DirectML.
 
 use std::ops::Range;

@@ -1,14 +1,15 @@
 //! The size of a model's largest tensor of weights.
 
+use super::Fault;
 use super::proto::{self, Data};
-use crate::{Error, ErrorKind, Result};
+use crate::Result;
 
 /// Name and size in bytes of a model's largest tensor of weights; `None` if it has none.
 ///
 /// # Errors
 /// `InvalidBundle` for a model that does not pass the checks.
 pub(crate) fn largest_weight(onnx: &[u8]) -> Result<Option<(String, u64)>> {
-    let model = proto::model(onnx).map_err(|fault| Error::new(ErrorKind::InvalidBundle, fault.cause))?;
+    let model = proto::model(onnx).map_err(Fault::error)?;
     let sizes = model.graph.tensors.iter().map(|tensor| {
         let bytes = match tensor.data {
             Data::Inline(bytes) => bytes.len() as u64,

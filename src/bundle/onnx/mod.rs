@@ -46,6 +46,8 @@ pub(crate) use slices::{SliceModel, SliceTensor, Slices};
 #[cfg(windows)]
 pub(crate) use weights::{Weight, weights_as_inputs};
 
+use crate::{Error, ErrorKind};
+
 /// Result of a check inside one model.
 type Check<T> = Result<T, Fault>;
 
@@ -64,6 +66,11 @@ impl Fault {
 
     fn no_memory(_: impl std::error::Error) -> Self {
         Self { cause: "the lists that are needed to check it cannot be allocated".into(), memory: true }
+    }
+
+    /// The error for a model without a file, such as one that is rewritten.
+    fn error(self) -> Error {
+        Error::new(if self.memory { ErrorKind::OutOfMemory } else { ErrorKind::InvalidBundle }, self.cause)
     }
 
     /// The same fault with `location` prepended.

@@ -12,7 +12,7 @@ use super::shape_inference::infer_sizes;
 use super::wire::Fields;
 use super::writer::{write_bytes, write_int};
 use super::{Check, Element, Fault, Shape, quoted};
-use crate::{Error, ErrorKind, Result};
+use crate::Result;
 
 /// Prefix of the names of additional values and constants. `cairn.build` makes no name that begins so.
 const PREFIX: &str = "cairn.sum";
@@ -41,7 +41,7 @@ struct Product {
 /// # Errors
 /// `InvalidBundle` for a model that does not pass the checks, or whose shapes do not follow from `sizes`.
 pub(crate) fn with_partial_sums(onnx: &[u8], sizes: &[(&str, &[usize])]) -> Result<Option<Vec<u8>>> {
-    rewrite(onnx, sizes).map_err(|fault| Error::new(ErrorKind::InvalidBundle, fault.cause))
+    rewrite(onnx, sizes).map_err(Fault::error)
 }
 
 fn rewrite(onnx: &[u8], sizes: &[(&str, &[usize])]) -> Check<Option<Vec<u8>>> {
@@ -189,6 +189,7 @@ fn with_dims(mut fields: Fields<'_>, dims: &[u64]) -> Check<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ErrorKind;
     use crate::bundle::{Bundle, GraphKind, OpenOptions, Precision};
 
     /// The shape of `x` times weights, as they are divided.

@@ -50,9 +50,9 @@ impl Bundle {
         let [wide, half] = Precision::ALL.map(|precision| Ok(self.model(GraphKind::Transformer, precision)?.onnx));
         let (wide, half): (&[u8], &[u8]) = (wide?, half?);
         let found =
-            half_values(half, context(Precision::F16)).map_err(|fault| context(Precision::F16).invalid(fault.cause))?;
+            half_values(half, context(Precision::F16)).map_err(|fault| context(Precision::F16).refuse(fault))?;
         let written = with_peaks(wide, context(Precision::F32), found);
-        written.map_err(|fault| context(Precision::F32).invalid(fault.cause))
+        written.map_err(|fault| context(Precision::F32).refuse(fault))
     }
 }
 

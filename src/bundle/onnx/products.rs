@@ -7,7 +7,7 @@ use super::proto::{self, Attribute, Graph, Node};
 use super::wire::Fields;
 use super::writer::write_bytes;
 use super::{Check, Element, Fault, quoted};
-use crate::{Error, ErrorKind, Result};
+use crate::Result;
 
 /// Prefix of the names of additional values and constants. `cairn.build` makes no name that begins so.
 const PREFIX: &str = "cairn.product";
@@ -19,7 +19,7 @@ const FUSED: &str = "FusedMatMul";
 /// # Errors
 /// `InvalidBundle` for a model that does not pass the checks.
 pub(crate) fn without_fused_products(onnx: &[u8]) -> Result<Option<Vec<u8>>> {
-    rewrite(onnx).map_err(|fault| Error::new(ErrorKind::InvalidBundle, fault.cause))
+    rewrite(onnx).map_err(Fault::error)
 }
 
 fn rewrite(onnx: &[u8]) -> Check<Option<Vec<u8>>> {

@@ -6,8 +6,8 @@ use super::proto::{self, Data, Graph};
 use super::wire::Fields;
 use super::writer::write_bytes;
 use super::{Check, Element, Fault, quoted};
+use crate::Result;
 use crate::bundle::ModelSource;
-use crate::{Error, ErrorKind, Result};
 
 /// Weights smaller than this stay constants, in bytes: a Direct3D buffer takes twice as much anyway.
 const SMALLEST: u64 = 32 << 10;
@@ -29,7 +29,7 @@ pub(crate) struct Weight<'a> {
 /// # Errors
 /// `InvalidBundle` for a model that does not pass the checks.
 pub(crate) fn weights_as_inputs<'a>(model: &ModelSource<'a>) -> Result<(Vec<u8>, Vec<Weight<'a>>)> {
-    rewrite(model).map_err(|fault| Error::new(ErrorKind::InvalidBundle, fault.cause))
+    rewrite(model).map_err(Fault::error)
 }
 
 fn rewrite<'a>(model: &ModelSource<'a>) -> Check<(Vec<u8>, Vec<Weight<'a>>)> {
@@ -102,6 +102,7 @@ fn name_of<'a>(mut fields: Fields<'a>) -> Check<&'a str> {
 mod tests {
     use super::super::writer::write_int;
     use super::*;
+    use crate::ErrorKind;
 
     /// An initializer of half floats in `weights.bin`.
     fn initializer(name: &str, dims: &[u64], offset: u64) -> Vec<u8> {

@@ -4,6 +4,7 @@
 
 use std::ffi::CStr;
 use std::path::{Path, PathBuf};
+use std::ptr::{null, null_mut};
 
 use ash::vk;
 
@@ -49,6 +50,8 @@ pub(super) struct VulkanAdapter {
     pub(super) largest_buffer: u64,
     /// Whether the provider must prefer saving power to take it.
     pub(super) low_power: bool,
+    /// Whether its driver reports a budget and the memory in use.
+    reports_memory: bool,
     instance: Instance,
     device: vk::PhysicalDevice,
 }
@@ -89,19 +92,23 @@ impl VulkanAdapter {
         // SAFETY: a device of the live instance.
         let limits = unsafe { instance.instance.get_physical_device_properties(devices[i]) }.limits;
         let largest_buffer = limits.max_storage_buffer_range.into();
-        Ok(Self { name: adapters[i].name.clone(), largest_buffer, low_power, device: devices[i], instance })
+        let reports_memory = instance.has_extension(devices[i], ash::ext::memory_budget::NAME)?;
+        Ok(Self {
+            name: adapters[i].name.clone(),
+            largest_buffer,
+            low_power,
+            reports_memory,
+            device: devices[i],
+            instance,
+        })
     }
 
     /// Its memory budget and use; `None` if the driver does not report them.
     pub(super) fn memory(&self) -> Option<DeviceMemory> {
-        let instance = &self.instance.instance;
-        // SAFETY: a live instance with its device.
-        let extensions = unsafe { instance.enumerate_device_extension_properties(self.device) }.ok()?;
-        let is_budget =
-            |of: &vk::ExtensionProperties| of.extension_name_as_c_str() == Ok(ash::ext::memory_budget::NAME);
-        if !extensions.iter().any(is_budget) {
+        if !self.reports_memory {
             return None;
         }
+        let instance = &self.instance.instance;
         let mut budgets = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
         let mut properties = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut budgets);
         // SAFETY: as above; the driver has the extension.
@@ -139,6 +146,32 @@ impl Instance {
             .map_err(|error| no_vulkan(&format!("its adapters cannot be listed: {error}")))?;
         let adapters = devices.iter().map(|device| self.describe(*device)).collect();
         Ok((devices, adapters))
+    }
+
+    /// Whether a device has an extension. Not by `ash`'s function, whose list of the driver's length is allocated or ends the program.
+    fn has_extension(&self, device: vk::PhysicalDevice, name: &CStr) -> Result<bool> {
+        let list = self.instance.fp_v1_0().enumerate_device_extension_properties;
+        let mut extensions = Vec::<vk::ExtensionProperties>::new();
+        loop {
+            let mut count = 0;
+            // SAFETY: a device of the live instance, and a place for the number.
+            let counted = unsafe { list(device, null(), &mut count, null_mut()) };
+            extensions.try_reserve_exact(count as usize).map_err(|_| {
+                Error::new(ErrorKind::OutOfMemory, format!("a list of {count} Vulkan extensions cannot be allocated"))
+            })?;
+            // SAFETY: as above, and room for that many.
+            let listed = unsafe { list(device, null(), &mut count, extensions.as_mut_ptr()) };
+            match (counted, listed) {
+                (vk::Result::SUCCESS, vk::Result::SUCCESS) => {
+                    // SAFETY: that many were written.
+                    unsafe { extensions.set_len(count as usize) };
+                    return Ok(extensions.iter().any(|extension| extension.extension_name_as_c_str() == Ok(name)));
+                }
+                // It became longer in between.
+                (vk::Result::SUCCESS, vk::Result::INCOMPLETE) => {}
+                (vk::Result::SUCCESS, error) | (error, _) => return Err(no_vulkan(&error.to_string())),
+            }
+        }
     }
 
     fn describe(&self, device: vk::PhysicalDevice) -> Adapter {

@@ -1,4 +1,5 @@
-//! Runs worlds on a graphics adapter through ONNX Runtime's WebGPU provider, a plugin that uses Vulkan on Linux, and Direct3D 12 or Vulkan on Windows.
+//! Runs worlds on a graphics adapter through ONNX Runtime's WebGPU provider, a plugin that uses Vulkan on Linux, and Direct3D 12 or Vulkan on
+//! Windows.
 //!
 //! All values stay in buffers on the adapter. The provider gives no access to its queue, so moves and checks of values are small graphs of
 //! their own ([`helper_graphs`]).

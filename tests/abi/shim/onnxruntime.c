@@ -39,7 +39,7 @@ static void *create_status(int code, const char *text)
    a few bytes cannot be allocated. ---- */
 #define WRAPPED(W)                                                                                                       \
     W(9) W(10) W(12) W(13) W(23) W(24) W(25) W(30) W(31) W(33) W(34) W(36) W(37) W(39) W(46) W(47) W(48) W(49)           \
-    W(78) W(124) W(130) W(131) W(134) W(136) W(137) W(138) W(274) W(279)
+    W(75) W(78) W(124) W(130) W(131) W(134) W(136) W(137) W(138) W(274) W(279) W(304) W(376) W(386) W(407)
 
 /* Each takes at most eight words, and a function ignores additional arguments. */
 typedef uintptr_t Word;

@@ -329,16 +329,11 @@ fn programs(
     if let Some(longer) = longer {
         hosts.retain(|(name, ..)| name == longer);
     }
-    let folder = library.parent().unwrap_or(Path::new("."));
     for (number, (name, header, source)) in hosts.iter().enumerate() {
         let program = work.join(format!("program-{number}"));
-        let mut command = c_compiler();
-        command.arg("-I").arg(header).arg(root.join(source)).arg(library);
-        if context.workspace.read(source)?.contains("shim/onnxruntime.h") {
-            command.arg(&shim).arg(format!("-Wl,-rpath,{}", work.display()));
-        }
-        command.arg(format!("-Wl,-rpath,{}", folder.display())).args(["-lpthread", "-lm", "-o"]);
-        if !log.run(command.arg(&program))?.success {
+        let has_shim = context.workspace.read(source)?.contains("shim/onnxruntime.h");
+        let mut command = compile(&root.join(source), header, library, has_shim.then_some(&shim));
+        if !log.run(command.arg("-o").arg(&program))?.success {
             tally.failures.push(format!("{name} does not compile"));
             continue;
         }
@@ -352,6 +347,42 @@ fn programs(
         count(name, &ended, tally);
     }
     Ok(())
+}
+
+/// A command that compiles a program against the library, and against the shim of ONNX Runtime if it reads its internals.
+fn compile(source: &Path, header: &Path, library: &Path, shim: Option<&PathBuf>) -> Command {
+    let mut command = c_compiler();
+    command.arg("-I").arg(header).arg(source).arg(library);
+    if let Some(library) = shim {
+        command.arg(library);
+    }
+    for library in std::iter::once(library).chain(shim.map(PathBuf::as_path)) {
+        command.arg(format!("-Wl,-rpath,{}", library.parent().unwrap_or(Path::new(".")).display()));
+    }
+    command.args(["-lpthread", "-lm"]);
+    command
+}
+
+/// Runs the program of faults in the lab, with a rollout on the WebGPU provider: of each kind of call about twenty fail.
+pub(super) fn run_faults_on_webgpu(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let work = context.workspace.target.join("xtask").join("webgpu-faults");
+    fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    let (library, shim) = (library(context, log)?, shim(context, log, &work)?);
+    let (root, program) = (&context.workspace.root, work.join("faults"));
+    let mut command = compile(&root.join(FAULTS), &root.join("include"), &library, Some(&shim));
+    if !log.run(command.arg("-o").arg(&program))?.success {
+        return Err(format!("{FAULTS} does not compile"));
+    }
+    let mut command = lab::lab_run()?;
+    command.arg(&program).current_dir(&work);
+    command.env("CAIRN_TEST_WORLD", context.bundle("tiny")?).env("CAIRN_TEST_SHIM", &shim);
+    command.env("CAIRN_TEST_DEVICE", "webgpu");
+    context.provide_webgpu_worlds(&mut command)?;
+    let runtime = provision::onnxruntime_with_webgpu(&Console::new()).map_err(|e| e.to_string())?;
+    command.env("CAIRN_WEBGPU", runtime.with_file_name("libonnxruntime_providers_webgpu.so"));
+    let mut tally = Tally::default();
+    count(FAULTS, &log.run(&mut command)?, &mut tally);
+    Ok(tally)
 }
 
 /// Counts the test results that a program printed.

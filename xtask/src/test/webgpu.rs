@@ -8,7 +8,7 @@ use std::process::Command;
 use provision::Console;
 
 use super::tally::{Skip, Tally};
-use super::{Context, cargo, lab, python, windows_build};
+use super::{Context, abi, cargo, lab, python, windows_build};
 use crate::shell::Log;
 
 /// Test programs for worlds on any device, and the tests of each that are in every run.
@@ -62,6 +62,7 @@ pub(super) fn run_all(context: &Context<'_>, log: &mut Log) -> Result<Tally, Str
         tally.add(on_windows(context, log, program, |_| ())?);
     }
     tally.add(exchanged_states(context, log)?);
+    tally.add(abi::run_faults_on_webgpu(context, log)?);
     tally.add(parity(context, log, false)?);
     Ok(tally)
 }
