@@ -39,6 +39,9 @@ pub(super) struct WebGpuContext {
     /// The buffer that was read last, whole: values are often read in pieces, and the provider copies whole buffers only. `None` once work
     /// was submitted after it.
     last_read: Mutex<Option<(BufferId, Vec<u8>)>>,
+    /// Copies of buffers on the adapter that a failed change has overwritten and that could not be restored yet. They are before anything else
+    /// uses a buffer.
+    unrestored: Mutex<AdapterBackup>,
 }
 
 /// A buffer of the host's size in bytes.
@@ -95,7 +98,22 @@ impl WebGpuContext {
             bytes: Bytes::default(),
             read: AtomicU64::new(0),
             last_read: Mutex::new(None),
+            unrestored: Mutex::new(Vec::new()),
         }
+    }
+
+    /// Restores what could not be restored before.
+    fn settle(&self) -> Result<()> {
+        let mut unrestored = self.unrestored.lock();
+        while let Some((id, copy)) = unrestored.last() {
+            match copy {
+                Place::Adapter(copy) => self.on_adapter(*id).copy_from(copy)?,
+                // The buffer was moved to the adapter after the copy was made.
+                Place::Host(copy) => self.on_adapter(*id).write(copy.bytes())?,
+            }
+            unrestored.pop();
+        }
+        Ok(())
     }
 
     /// Moves a buffer to the adapter, if it is not there.
@@ -117,6 +135,7 @@ impl WebGpuContext {
 
     /// Writes a whole buffer.
     fn write_whole(&mut self, to: BufferId, bytes: &[u8]) -> Result<()> {
+        self.settle()?;
         let buffer = &mut self.buffers[to.0];
         assert_eq!(bytes.len(), buffer.bytes, "a whole buffer");
         match &mut buffer.place {
@@ -130,6 +149,7 @@ impl WebGpuContext {
 
     /// Reads a whole buffer.
     fn read_whole(&self, from: BufferId) -> Result<Vec<u8>> {
+        self.settle()?;
         let buffer = &self.buffers[from.0];
         let mut bytes = zeroed(buffer.bytes)?;
         match &buffer.place {
@@ -157,6 +177,7 @@ impl WebGpuContext {
     /// Makes copies, all in one graph if possible.
     fn make_copies(&mut self, copies: &[(BufferId, BufferId, Vec<Region>)]) -> Result<()> {
         self.changes();
+        self.settle()?;
         let (mut parts, mut lists) = (Vec::new(), Vec::<Vec<i64>>::new());
         for (to, from, regions) in copies {
             let on_host = |id: &BufferId| matches!(self.buffers[id.0].place, Place::Host(_));
@@ -352,11 +373,13 @@ impl ExecutionContext for WebGpuContext {
     }
 
     fn restore_backup(&mut self, backup: Backup) -> Result<()> {
-        self.restore(*backup.into_contents::<AdapterBackup>())
+        self.restore(*backup.into_contents::<AdapterBackup>());
+        Ok(())
     }
 
     fn run(&mut self, binding: BindingId) -> Result<()> {
         self.changes();
+        self.settle()?;
         let (binding, graph) = &self.bindings[binding.0];
         binding.run(graph.session())
     }
@@ -368,6 +391,7 @@ impl ExecutionContext for WebGpuContext {
     }
 
     fn read_picture(&mut self, from: &DecodedPicture<'_>, into: &mut Picture) -> Result<bool> {
+        self.settle()?;
         let Place::Adapter(planes) = &self.buffers[from.planes.0].place else { return Ok(false) };
         if self.pictures.as_ref().is_none_or(|pictures| !pictures.fits(from)) {
             self.pictures = Some(PictureReader::new(&self.plugin, from)?);
@@ -387,6 +411,7 @@ impl ExecutionContext for WebGpuContext {
     }
 
     fn find_not_finite(&mut self, check: FiniteCheckId) -> Result<Option<usize>> {
+        self.settle()?;
         let FiniteCheck { groups, precision, graph } = &self.finite_checks[check.0];
         let precision = *precision;
         let on_host = |id: &BufferId| matches!(self.buffers[id.0].place, Place::Host(_));
@@ -418,14 +443,11 @@ impl WebGpuContext {
     fn all_or_nothing(&mut self, of: &[BufferId], change: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
         let before = self.copies_of(of)?;
         self.changes();
-        change(self).inspect_err(|_| {
-            if let Err(error) = self.restore(before) {
-                log::warn!("buffers could not be restored: {error}");
-            }
-        })
+        change(self).inspect_err(|_| self.restore(before))
     }
 
     fn copies_of(&self, of: &[BufferId]) -> Result<AdapterBackup> {
+        self.settle()?;
         let copy = |id: &BufferId| {
             let place = match &self.buffers[id.0].place {
                 Place::Adapter(buffer) => Place::Adapter(buffer.duplicate()?),
@@ -440,19 +462,20 @@ impl WebGpuContext {
         of.iter().map(copy).collect()
     }
 
-    /// Restores contents. Allocates nothing.
-    fn restore(&mut self, copies: AdapterBackup) -> Result<()> {
+    /// Restores contents, on the adapter as soon as it can be done.
+    fn restore(&mut self, copies: AdapterBackup) {
         self.changes();
-        copies.into_iter().try_for_each(|(id, copy)| match (&mut self.buffers[id.0].place, copy) {
-            (Place::Adapter(buffer), Place::Adapter(copy)) => buffer.copy_from(&copy),
-            (Place::Host(contents), Place::Host(copy)) => {
-                contents.bytes_mut().copy_from_slice(copy.bytes());
-                Ok(())
+        let unrestored = self.unrestored.get_mut();
+        for (id, copy) in copies {
+            match (&mut self.buffers[id.0].place, copy) {
+                (Place::Host(contents), Place::Host(copy)) => contents.bytes_mut().copy_from_slice(copy.bytes()),
+                (Place::Adapter(_), copy) => unrestored.push((id, copy)),
+                (Place::Host(_), Place::Adapter(_)) => unreachable!("buffers stay on the adapter"),
             }
-            // It was moved to the adapter after the copy was made.
-            (Place::Adapter(buffer), Place::Host(copy)) => buffer.write(copy.bytes()),
-            (Place::Host(_), Place::Adapter(_)) => unreachable!("buffers stay on the adapter"),
-        })
+        }
+        if let Err(error) = self.settle() {
+            log::warn!("buffers are restored later: {error}");
+        }
     }
 }
 
