@@ -8,9 +8,9 @@ use std::collections::HashMap;
 use super::check::opset;
 use super::model_writer::{ValueType, attribute, node, tensor};
 use super::proto::{self, Graph, Node};
-use super::shape_inference::infer_sizes;
+use super::shape_inference::{infer_sizes, tensor_shape};
 use super::wire::Fields;
-use super::writer::{write_bytes, write_int};
+use super::writer::{reserved, write_bytes, write_int};
 use super::{Check, Element, Fault, Shape, quoted};
 use crate::Result;
 
@@ -62,46 +62,68 @@ fn rewrite(onnx: &[u8], sizes: &[(&str, &[usize])]) -> Check<Option<Vec<u8>>> {
     let [inputs, outputs] = [named(&model.graph.inputs)?, named(&model.graph.outputs)?];
     let [inputs, outputs] = [&inputs, &outputs]
         .map(|list| list.iter().map(|(name, shape)| (name.as_str(), shape.clone())).collect::<Vec<_>>());
-    let mut products = HashMap::new();
+    let mut products = Products::new();
+    products.try_reserve(weights.len()).map_err(Fault::no_memory)?;
     let mut reader = |node: &Node<'_>, shapes: &[Option<&Shape>], results: &[Shape]| {
-        if let (true, [_, weights_name], [Some(left), None], [result]) =
+        if let (true, [_, name], [Some(left), None], [result]) =
             (node.operator == "MatMul", &node.inputs[..], shapes, results)
-            && let Some(dims) = weights.get(weights_name)
+            && let Some((&name, dims)) = weights.get_key_value::<str>(name)
             && let Some(product) = Product::of(left, dims, result)
         {
-            products.insert(node.outputs[0].to_owned(), product);
+            // One node reads these weights.
+            products.insert(name, product);
         }
     };
     infer_sizes(&model.graph, opset(&model)?, &inputs, &outputs, &mut reader)?;
     if products.is_empty() {
         return Ok(None);
     }
-    let mut written = Vec::with_capacity(onnx.len());
+    let divided = model.graph.nodes.iter().filter(|node| divided(&products, node).is_some());
+    let bytes = onnx.len() + divided.map(Node::replacement_bytes).sum::<usize>();
+    let mut written = reserved(bytes)?;
     let mut fields = Fields::new("the model", onnx);
     while let Some(field) = fields.next()? {
         match field.number {
-            7 => write_bytes(&mut written, 7, &rewrite_graph(&model.graph, &products, field.message("the graph")?)?),
+            7 => {
+                let graph = rewrite_graph(&model.graph, &products, field.message("the graph")?, reserved(bytes)?)?;
+                write_bytes(&mut written, 7, &graph);
+            }
             _ => field.write(&mut written),
         }
     }
     Ok(Some(written))
 }
 
-/// Dimensions of the float16 tensors that one node reads, by name.
+/// The products that are divided, by the names of their weights.
+type Products<'a> = HashMap<&'a str, Product>;
+
+/// How the product of a node is divided.
+fn divided<'p>(products: &'p Products<'_>, node: &Node<'_>) -> Option<&'p Product> {
+    products.get(*node.inputs.get(1)?)
+}
+
+/// Dimensions of the float16 tensors that one product reads and nothing else, by name.
 fn divisible_weights<'a>(graph: &Graph<'a>) -> Check<HashMap<&'a str, Vec<u64>>> {
-    let mut uses: HashMap<&str, u32> = HashMap::new();
-    graph.nodes.iter().flat_map(|node| &node.inputs).for_each(|name| *uses.entry(name).or_default() += 1);
-    let is_read_by_products = |name: &str| {
-        uses.get(name) == Some(&1)
-            && graph.nodes.iter().any(|node| node.operator == "MatMul" && node.inputs.get(1) == Some(&name))
-    };
     let mut found = HashMap::new();
+    found.try_reserve(graph.tensors.len()).map_err(Fault::no_memory)?;
     for tensor in &graph.tensors {
-        if Element::of(tensor.data_type)? == Element::F16 && is_read_by_products(tensor.name) {
-            found.insert(tensor.name, super::shape_inference::tensor_shape(tensor)?.dims);
+        if Element::of(tensor.data_type)? == Element::F16 {
+            found.insert(tensor.name, (tensor_shape(tensor)?.dims, 0_u32));
         }
     }
-    Ok(found)
+    for node in &graph.nodes {
+        for (i, name) in node.inputs.iter().enumerate() {
+            if let Some((_, uses)) = found.get_mut(name) {
+                // Any other use counts twice.
+                *uses += if node.operator == "MatMul" && i == 1 { 1 } else { 2 };
+            }
+        }
+    }
+    found.retain(|_, (_, uses)| *uses == 1);
+    let mut dims = HashMap::new();
+    dims.try_reserve(found.len()).map_err(Fault::no_memory)?;
+    dims.extend(found.into_iter().map(|(name, (dims, _))| (name, dims)));
+    Ok(dims)
 }
 
 impl Product {
@@ -152,19 +174,24 @@ impl Product {
     }
 }
 
-fn rewrite_graph(graph: &Graph<'_>, products: &HashMap<String, Product>, mut fields: Fields<'_>) -> Check<Vec<u8>> {
-    let divided: HashMap<&str, &Product> =
-        graph.nodes.iter().filter_map(|node| Some((*node.inputs.get(1)?, products.get(node.outputs[0])?))).collect();
-    let (mut written, mut nodes, mut tensors) = (Vec::new(), graph.nodes.iter().enumerate(), graph.tensors.iter());
+/// Writes the graph into `written`.
+fn rewrite_graph(
+    graph: &Graph<'_>,
+    products: &Products<'_>,
+    mut fields: Fields<'_>,
+    mut written: Vec<u8>,
+) -> Check<Vec<u8>> {
+    let (mut nodes, mut tensors) = (graph.nodes.iter().enumerate(), graph.tensors.iter());
     while let Some(field) = fields.next()? {
         match field.number {
-            1 => match nodes.next().and_then(|(i, node)| Some((i, node, products.get(node.outputs[0])?))) {
+            1 => match nodes.next().and_then(|(i, node)| Some((i, node, divided(products, node)?))) {
                 Some((i, node, product)) => product.write(&mut written, i, node),
                 None => field.write(&mut written),
             },
-            5 => match tensors.next().and_then(|tensor| divided.get(tensor.name)) {
+            5 => match tensors.next().and_then(|tensor| products.get(tensor.name)) {
                 Some(product) => {
-                    write_bytes(&mut written, 5, &with_dims(field.message("an initializer")?, &product.weights())?)
+                    let tensor = with_dims(field.message("an initializer")?, &product.weights())?;
+                    write_bytes(&mut written, 5, &tensor);
                 }
                 None => field.write(&mut written),
             },

@@ -5,7 +5,7 @@ use half::f16;
 use super::model_writer::{ValueType, attribute, node, tensor};
 use super::proto::{self, Attribute, Graph, Node};
 use super::wire::Fields;
-use super::writer::write_bytes;
+use super::writer::{reserved, write_bytes};
 use super::{Check, Element, Fault, quoted};
 use crate::Result;
 
@@ -27,20 +27,25 @@ fn rewrite(onnx: &[u8]) -> Check<Option<Vec<u8>>> {
     if !graph.nodes.iter().any(|node| node.operator == FUSED) {
         return Ok(None);
     }
-    let mut written = Vec::with_capacity(onnx.len());
+    let added: usize = graph.nodes.iter().filter(|node| node.operator == FUSED).map(Node::replacement_bytes).sum();
+    let mut written = reserved(onnx.len() + added)?;
     let mut fields = Fields::new("the model", onnx);
     while let Some(field) = fields.next()? {
         match field.number {
-            7 => write_bytes(&mut written, 7, &rewrite_graph(&graph, field.message("the graph")?)?),
+            7 => {
+                let rewritten = reserved(onnx.len() + added)?;
+                write_bytes(&mut written, 7, &rewrite_graph(&graph, field.message("the graph")?, rewritten)?);
+            }
             _ => field.write(&mut written),
         }
     }
     Ok(Some(written))
 }
 
-fn rewrite_graph(graph: &Graph<'_>, mut fields: Fields<'_>) -> Check<Vec<u8>> {
+/// Writes the graph into `written`.
+fn rewrite_graph(graph: &Graph<'_>, mut fields: Fields<'_>, mut written: Vec<u8>) -> Check<Vec<u8>> {
     let element = key_element(graph)?;
-    let (mut written, mut nodes) = (Vec::new(), graph.nodes.iter().enumerate());
+    let mut nodes = graph.nodes.iter().enumerate();
     while let Some(field) = fields.next()? {
         match (field.number == 1).then(|| nodes.next()).flatten() {
             Some((i, node)) if node.operator == FUSED => write_product(&mut written, i, node, element)?,

@@ -48,6 +48,13 @@ pub(super) struct Node<'a> {
     pub(super) attributes: Vec<(&'a str, Attribute<'a>)>,
 }
 
+impl Node<'_> {
+    /// Most bytes that a few nodes in its place and their constants take, in a model that is rewritten.
+    pub(super) fn replacement_bytes(&self) -> usize {
+        2048 + 4 * self.inputs.iter().chain(&self.outputs).chain([&self.name]).map(|name| name.len()).sum::<usize>()
+    }
+}
+
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Attribute<'a> {
     Float(f32),

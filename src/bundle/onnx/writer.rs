@@ -1,6 +1,7 @@
 //! Writer of protobuf's wire format.
 
 use super::wire::{Field, Value};
+use super::{Check, Fault};
 
 impl Field<'_> {
     /// Appends the field to `message`, unchanged.
@@ -14,6 +15,13 @@ impl Field<'_> {
             }
         }
     }
+}
+
+/// An empty message with room for `bytes` bytes.
+pub(super) fn reserved(bytes: usize) -> Check<Vec<u8>> {
+    let mut message = Vec::new();
+    message.try_reserve_exact(bytes).map_err(Fault::no_memory)?;
+    Ok(message)
 }
 
 /// Appends a field that is an integer.
