@@ -39,9 +39,8 @@ pub(super) struct WebGpuContext {
     /// The buffer that was read last, whole: values are often read in pieces, and the provider copies whole buffers only. `None` once work
     /// was submitted after it.
     last_read: Mutex<Option<(BufferId, Vec<u8>)>>,
-    /// Copies of buffers on the adapter that a failed change has overwritten and that could not be restored yet. They are before anything else
-    /// uses a buffer.
-    unrestored: Mutex<AdapterBackup>,
+    /// Contents of buffers on the adapter that could not be written yet. They are before anything else uses a buffer.
+    unwritten: Mutex<Contents>,
 }
 
 /// A buffer of the host's size in bytes.
@@ -82,8 +81,8 @@ struct FiniteGraph {
     largest: Box<[i32]>,
 }
 
-/// Copies of buffers.
-type AdapterBackup = Vec<(BufferId, Place)>;
+/// Contents of buffers.
+type Contents = Vec<(BufferId, Place)>;
 
 impl WebGpuContext {
     pub(super) fn new(plugin: &Arc<Plugin>) -> Self {
@@ -98,20 +97,20 @@ impl WebGpuContext {
             bytes: Bytes::default(),
             read: AtomicU64::new(0),
             last_read: Mutex::new(None),
-            unrestored: Mutex::new(Vec::new()),
+            unwritten: Mutex::new(Vec::new()),
         }
     }
 
-    /// Restores what could not be restored before.
+    /// Writes what could not be written before.
     fn settle(&self) -> Result<()> {
-        let mut unrestored = self.unrestored.lock();
-        while let Some((id, copy)) = unrestored.last() {
+        let mut unwritten = self.unwritten.lock();
+        while let Some((id, copy)) = unwritten.last() {
             match copy {
                 Place::Adapter(copy) => self.on_adapter(*id).copy_from(copy)?,
                 // The buffer was moved to the adapter after the copy was made.
                 Place::Host(copy) => self.on_adapter(*id).write(copy.bytes())?,
             }
-            unrestored.pop();
+            unwritten.pop();
         }
         Ok(())
     }
@@ -174,11 +173,13 @@ impl WebGpuContext {
         *self.last_read.get_mut() = None;
     }
 
-    /// Makes copies, all in one graph if possible.
+    /// Makes copies, all in one graph if possible: all or none. Those through the host's memory are made after those in the graph, and are
+    /// completed later where the adapter cannot be written to.
     fn make_copies(&mut self, copies: &[(BufferId, BufferId, Vec<Region>)]) -> Result<()> {
         self.changes();
         self.settle()?;
         let (mut parts, mut lists) = (Vec::new(), Vec::<Vec<i64>>::new());
+        let mut through_host = Contents::new();
         for (to, from, regions) in copies {
             let on_host = |id: &BufferId| matches!(self.buffers[id.0].place, Place::Host(_));
             let rows = helper_graphs::rows_of(regions, self.buffers[from.0].bytes, self.buffers[to.0].bytes);
@@ -193,10 +194,22 @@ impl WebGpuContext {
                     });
                     parts.push((*to, *from, Move { shape, lists }));
                 }
-                None => self.copy_through_host(*to, *from, regions)?,
+                None => self.add_copy_through_host(&mut through_host, *to, *from, regions)?,
             }
-            self.bytes.copied += regions.iter().map(|r| r.len as u64).sum::<u64>();
         }
+        let is_through_host = |id: BufferId| through_host.iter().any(|(to, _)| *to == id);
+        assert!(
+            !parts.iter().any(|(to, from, _)| is_through_host(*to) || is_through_host(*from)),
+            "independent copies"
+        );
+        self.run_mover(parts, lists)?;
+        self.set_contents(through_host);
+        self.bytes.copied += copies.iter().flat_map(|(.., regions)| regions).map(|r| r.len as u64).sum::<u64>();
+        Ok(())
+    }
+
+    /// Makes copies in a graph, with these lists of rows.
+    fn run_mover(&mut self, parts: Vec<(BufferId, BufferId, Move)>, lists: Vec<Vec<i64>>) -> Result<()> {
         if parts.is_empty() {
             return Ok(());
         }
@@ -218,20 +231,32 @@ impl WebGpuContext {
         mover.binding.run(mover.session.get())
     }
 
-    /// Makes a copy through the host's memory.
-    fn copy_through_host(&mut self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<()> {
+    /// Adds to `contents` what a buffer holds after a copy.
+    fn add_copy_through_host(
+        &self,
+        contents: &mut Contents,
+        to: BufferId,
+        from: BufferId,
+        regions: &[Region],
+    ) -> Result<()> {
         let source = self.read_whole(from)?;
-        let is_whole = |r: &Region| r.to == 0 && r.len == self.buffers[to.0].bytes;
-        if let [region] = regions
-            && is_whole(region)
-        {
-            return self.write_whole(to, &source[region.from..region.from + region.len]);
+        let bytes = self.buffers[to.0].bytes;
+        if !contents.iter().any(|(id, _)| *id == to) {
+            let mut target = AlignedBuffer::zeroed(bytes)?;
+            let is_whole = |r: &Region| r.to == 0 && r.len == bytes;
+            if !regions.iter().any(is_whole) {
+                target.bytes_mut()[..bytes].copy_from_slice(&self.read_whole(to)?);
+            }
+            contents.push((to, Place::Host(target)));
         }
-        let mut target = self.read_whole(to)?;
-        for r in regions {
-            target[r.to..r.to + r.len].copy_from_slice(&source[r.from..r.from + r.len]);
+        for (id, place) in contents {
+            if let (true, Place::Host(target)) = (*id == to, place) {
+                for r in regions {
+                    target.bytes_mut()[r.to..r.to + r.len].copy_from_slice(&source[r.from..r.from + r.len]);
+                }
+            }
         }
-        self.write_whole(to, &target)
+        Ok(())
     }
 
     fn new_mover(&self, parts: Vec<(BufferId, BufferId, Move)>, lists: &[Vec<i64>]) -> Result<Mover> {
@@ -373,7 +398,7 @@ impl ExecutionContext for WebGpuContext {
     }
 
     fn restore_backup(&mut self, backup: Backup) -> Result<()> {
-        self.restore(*backup.into_contents::<AdapterBackup>());
+        self.set_contents(*backup.into_contents::<Contents>());
         Ok(())
     }
 
@@ -443,10 +468,10 @@ impl WebGpuContext {
     fn all_or_nothing(&mut self, of: &[BufferId], change: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
         let before = self.copies_of(of)?;
         self.changes();
-        change(self).inspect_err(|_| self.restore(before))
+        change(self).inspect_err(|_| self.set_contents(before))
     }
 
-    fn copies_of(&self, of: &[BufferId]) -> Result<AdapterBackup> {
+    fn copies_of(&self, of: &[BufferId]) -> Result<Contents> {
         self.settle()?;
         let copy = |id: &BufferId| {
             let place = match &self.buffers[id.0].place {
@@ -462,19 +487,21 @@ impl WebGpuContext {
         of.iter().map(copy).collect()
     }
 
-    /// Restores contents, on the adapter as soon as it can be done.
-    fn restore(&mut self, copies: AdapterBackup) {
+    /// Gives buffers these contents, on the adapter as soon as it can be done.
+    fn set_contents(&mut self, copies: Contents) {
         self.changes();
-        let unrestored = self.unrestored.get_mut();
+        let unwritten = self.unwritten.get_mut();
         for (id, copy) in copies {
             match (&mut self.buffers[id.0].place, copy) {
-                (Place::Host(contents), Place::Host(copy)) => contents.bytes_mut().copy_from_slice(copy.bytes()),
-                (Place::Adapter(_), copy) => unrestored.push((id, copy)),
+                (Place::Host(contents), Place::Host(copy)) => {
+                    contents.bytes_mut()[..copy.len()].copy_from_slice(copy.bytes());
+                }
+                (Place::Adapter(_), copy) => unwritten.push((id, copy)),
                 (Place::Host(_), Place::Adapter(_)) => unreachable!("buffers stay on the adapter"),
             }
         }
         if let Err(error) = self.settle() {
-            log::warn!("buffers are restored later: {error}");
+            log::warn!("buffers are written later: {error}");
         }
     }
 }
