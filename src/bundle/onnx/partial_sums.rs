@@ -7,10 +7,10 @@ use std::collections::HashMap;
 
 use super::check::opset;
 use super::model_writer::{ValueType, attribute, node, tensor};
-use super::proto::{self, Graph, Node};
+use super::proto::{self, Graph, Node, ValueInfo};
 use super::shape_inference::{infer_sizes, tensor_shape};
 use super::wire::Fields;
-use super::writer::{reserved, write_bytes, write_int};
+use super::writer::{reserved, with_graph, write_bytes, write_int};
 use super::{Check, Element, Fault, Shape, quoted};
 use crate::Result;
 
@@ -50,24 +50,20 @@ fn rewrite(onnx: &[u8], sizes: &[(&str, &[usize])]) -> Check<Option<Vec<u8>>> {
     if weights.is_empty() {
         return Ok(None);
     }
-    let named = |values: &[proto::ValueInfo<'_>]| -> Check<Vec<(String, Shape)>> {
-        let shape = |value: &proto::ValueInfo<'_>| {
-            let size = sizes.iter().find(|(name, _)| *name == value.name);
-            let (_, size) = size.ok_or_else(|| Fault::new(format!("{} has no known size", quoted(value.name))))?;
-            let dims = size.iter().map(|&n| n as u64).collect();
-            Ok((value.name.to_owned(), Shape { element: Element::of(value.data_type)?, dims }))
-        };
-        values.iter().map(shape).collect()
+    let named = |value: &ValueInfo<'_>| {
+        let size = sizes.iter().find(|(name, _)| *name == value.name);
+        let (name, size) = size.ok_or_else(|| Fault::new(format!("{} has no known size", quoted(value.name))))?;
+        let dims = size.iter().map(|&n| n as u64).collect();
+        Ok((*name, Shape { element: Element::of(value.data_type)?, dims }))
     };
-    let [inputs, outputs] = [named(&model.graph.inputs)?, named(&model.graph.outputs)?];
-    let [inputs, outputs] = [&inputs, &outputs]
-        .map(|list| list.iter().map(|(name, shape)| (name.as_str(), shape.clone())).collect::<Vec<_>>());
+    let inputs = model.graph.inputs.iter().map(named).collect::<Check<Vec<_>>>()?;
+    let outputs = model.graph.outputs.iter().map(named).collect::<Check<Vec<_>>>()?;
     let mut products = Products::new();
     products.try_reserve(weights.len()).map_err(Fault::no_memory)?;
     let mut reader = |node: &Node<'_>, shapes: &[Option<&Shape>], results: &[Shape]| {
         if let (true, [_, name], [Some(left), None], [result]) =
             (node.operator == "MatMul", &node.inputs[..], shapes, results)
-            && let Some((&name, dims)) = weights.get_key_value::<str>(name)
+            && let Some((&name, (dims, _))) = weights.get_key_value::<str>(name)
             && let Some(product) = Product::of(left, dims, result)
         {
             // One node reads these weights.
@@ -80,18 +76,9 @@ fn rewrite(onnx: &[u8], sizes: &[(&str, &[usize])]) -> Check<Option<Vec<u8>>> {
     }
     let divided = model.graph.nodes.iter().filter(|node| divided(&products, node).is_some());
     let bytes = onnx.len() + divided.map(Node::replacement_bytes).sum::<usize>();
-    let mut written = reserved(bytes)?;
-    let mut fields = Fields::new("the model", onnx);
-    while let Some(field) = fields.next()? {
-        match field.number {
-            7 => {
-                let graph = rewrite_graph(&model.graph, &products, field.message("the graph")?, reserved(bytes)?)?;
-                write_bytes(&mut written, 7, &graph);
-            }
-            _ => field.write(&mut written),
-        }
-    }
-    Ok(Some(written))
+    let rewrite =
+        |fields: &[u8]| rewrite_graph(&model.graph, &products, Fields::new("the graph", fields), reserved(bytes)?);
+    with_graph(onnx, bytes, rewrite).map(Some)
 }
 
 /// The products that are divided, by the names of their weights.
@@ -102,8 +89,8 @@ fn divided<'p>(products: &'p Products<'_>, node: &Node<'_>) -> Option<&'p Produc
     products.get(*node.inputs.get(1)?)
 }
 
-/// Dimensions of the float16 tensors that one product reads and nothing else, by name.
-fn divisible_weights<'a>(graph: &Graph<'a>) -> Check<HashMap<&'a str, Vec<u64>>> {
+/// Dimensions of the float16 tensors that one product reads and nothing else, by name, with the number of their uses, which is 1.
+fn divisible_weights<'a>(graph: &Graph<'a>) -> Check<HashMap<&'a str, (Vec<u64>, u32)>> {
     let mut found = HashMap::new();
     found.try_reserve(graph.tensors.len()).map_err(Fault::no_memory)?;
     for tensor in &graph.tensors {
@@ -120,10 +107,7 @@ fn divisible_weights<'a>(graph: &Graph<'a>) -> Check<HashMap<&'a str, Vec<u64>>>
         }
     }
     found.retain(|_, (_, uses)| *uses == 1);
-    let mut dims = HashMap::new();
-    dims.try_reserve(found.len()).map_err(Fault::no_memory)?;
-    dims.extend(found.into_iter().map(|(name, (dims, _))| (name, dims)));
-    Ok(dims)
+    Ok(found)
 }
 
 impl Product {
@@ -247,7 +231,7 @@ mod tests {
             let before = proto::model(onnx).unwrap().graph;
             // The window: a past of two frames.
             let tokens = bundle.manifest().geometry.tokens as usize;
-            let size = |value: &proto::ValueInfo<'_>| {
+            let size = |value: &ValueInfo<'_>| {
                 let dims = value.dims.iter().map(|dim| match dim {
                     proto::Dim::Number(n) => usize::try_from(*n).unwrap(),
                     proto::Dim::Symbol(name) => tokens * if name.ends_with("keys") { 3 } else { 2 },

@@ -6,8 +6,7 @@ use super::check::read_nodes;
 use super::operators::NBITS;
 use super::proto;
 use super::residual::ResidualStream;
-use super::wire::Fields;
-use super::writer::{write_bytes, write_int};
+use super::writer::{with_graph, write_bytes, write_int};
 use super::{Check, Element, ModelContext};
 use crate::Result;
 use crate::bundle::{Bundle, GraphKind, Precision};
@@ -97,14 +96,7 @@ fn with_peaks(onnx: &[u8], context: ModelContext<'_>, values: Vec<(HalfValue, Ve
             kept.push(value);
         }
     }
-    let mut written = Vec::with_capacity(onnx.len());
-    let mut fields = Fields::new("the model", onnx);
-    while let Some(field) = fields.next()? {
-        match field.number {
-            7 => write_bytes(&mut written, 7, &graph_with_peaks(field.bytes()?, &kept)),
-            _ => field.write(&mut written),
-        }
-    }
+    let written = with_graph(onnx, onnx.len(), |graph| Ok(graph_with_peaks(graph, &kept)))?;
     Ok(ModelWithPeaks { onnx: written, values: kept })
 }
 

@@ -5,7 +5,7 @@ use half::f16;
 use super::model_writer::{ValueType, attribute, node, tensor};
 use super::proto::{self, Attribute, Graph, Node};
 use super::wire::Fields;
-use super::writer::{reserved, write_bytes};
+use super::writer::{reserved, with_graph, write_bytes};
 use super::{Check, Element, Fault, quoted};
 use crate::Result;
 
@@ -28,18 +28,9 @@ fn rewrite(onnx: &[u8]) -> Check<Option<Vec<u8>>> {
         return Ok(None);
     }
     let added: usize = graph.nodes.iter().filter(|node| node.operator == FUSED).map(Node::replacement_bytes).sum();
-    let mut written = reserved(onnx.len() + added)?;
-    let mut fields = Fields::new("the model", onnx);
-    while let Some(field) = fields.next()? {
-        match field.number {
-            7 => {
-                let rewritten = reserved(onnx.len() + added)?;
-                write_bytes(&mut written, 7, &rewrite_graph(&graph, field.message("the graph")?, rewritten)?);
-            }
-            _ => field.write(&mut written),
-        }
-    }
-    Ok(Some(written))
+    let bytes = onnx.len() + added;
+    let rewrite = |fields: &[u8]| rewrite_graph(&graph, Fields::new("the graph", fields), reserved(bytes)?);
+    with_graph(onnx, bytes, rewrite).map(Some)
 }
 
 /// Writes the graph into `written`.

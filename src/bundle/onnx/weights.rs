@@ -4,7 +4,7 @@ use super::model_writer::{ValueType, value_info};
 use super::operators::NBITS;
 use super::proto::{self, Data, Graph};
 use super::wire::Fields;
-use super::writer::write_bytes;
+use super::writer::{with_graph, write_bytes};
 use super::{Check, Element, Fault, quoted};
 use crate::Result;
 use crate::bundle::ModelSource;
@@ -35,14 +35,8 @@ pub(crate) fn weights_as_inputs<'a>(model: &ModelSource<'a>) -> Result<(Vec<u8>,
 fn rewrite<'a>(model: &ModelSource<'a>) -> Check<(Vec<u8>, Vec<Weight<'a>>)> {
     let graph = proto::model(model.onnx)?.graph;
     let weights = weights(&graph, model)?;
-    let mut written = Vec::with_capacity(model.onnx.len());
-    let mut fields = Fields::new("the model", model.onnx);
-    while let Some(field) = fields.next()? {
-        match field.number {
-            7 => write_bytes(&mut written, 7, &graph_without(&weights, field.message("the graph")?)?),
-            _ => field.write(&mut written),
-        }
-    }
+    let rewrite = |graph: &[u8]| graph_without(&weights, Fields::new("the graph", graph));
+    let written = with_graph(model.onnx, model.onnx.len(), rewrite)?;
     Ok((written, weights))
 }
 

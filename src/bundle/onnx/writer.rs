@@ -1,6 +1,6 @@
 //! Writer of protobuf's wire format.
 
-use super::wire::{Field, Value};
+use super::wire::{Field, Fields, Value};
 use super::{Check, Fault};
 
 impl Field<'_> {
@@ -22,6 +22,19 @@ pub(super) fn reserved(bytes: usize) -> Check<Vec<u8>> {
     let mut message = Vec::new();
     message.try_reserve_exact(bytes).map_err(Fault::no_memory)?;
     Ok(message)
+}
+
+/// The model with another graph, which `rewrite` makes of the bytes of its own. Memory of `bytes` bytes is reserved for the result, and can fail.
+pub(super) fn with_graph(onnx: &[u8], bytes: usize, rewrite: impl Fn(&[u8]) -> Check<Vec<u8>>) -> Check<Vec<u8>> {
+    let mut written = reserved(bytes)?;
+    let mut fields = Fields::new("the model", onnx);
+    while let Some(field) = fields.next()? {
+        match field.number {
+            7 => write_bytes(&mut written, 7, &rewrite(field.bytes()?)?),
+            _ => field.write(&mut written),
+        }
+    }
+    Ok(written)
 }
 
 /// Appends a field that is an integer.
