@@ -1,13 +1,13 @@
 //! A saved state of one device goes on alike on every other. Each run leaves a state in the folder `CAIRN_EXCHANGED_STATES` and continues those
-//! that runs on other devices left there; without the folder, only its own. `cargo xtask test --thorough webgpu-all` runs it on the processor, on WebGPU on
-//! Linux and Windows, and on DirectML.
+//! that runs on other devices left there; without the folder, only its own. `cargo xtask test --thorough webgpu-all` runs it on the processor, on
+//! WebGPU on Linux and Windows, and on DirectML.
 
 use std::ops::Range;
 use std::path::PathBuf;
 
 use cairn::runtime::DeviceKind;
 use cairn::world::Rollout;
-use test_support::worlds::{controls, point, seeded, world};
+use test_support::worlds::{controls, point, relative_error, seeded, world};
 
 /// Largest relative error of a float32 latent from another device's.
 const BOUND: f64 = 1e-4;
@@ -25,13 +25,6 @@ fn steps(rollout: &mut Rollout, range: Range<u64>) {
 fn go_on(rollout: &mut Rollout) -> Vec<f32> {
     steps(rollout, STEPS[0]..STEPS[1]);
     rollout.latent().expect("a latent").to_vec()
-}
-
-/// Relative error in the L2 norm.
-fn error(found: &[f32], truth: &[f32]) -> f64 {
-    let square = |v: f32| f64::from(v) * f64::from(v);
-    let apart: f64 = found.iter().zip(truth).map(|(a, b)| square(a - b)).sum();
-    (apart / truth.iter().map(|v| square(*v)).sum::<f64>()).sqrt()
 }
 
 #[test]
@@ -62,7 +55,7 @@ fn a_state_of_another_device_goes_on_alike() {
         let truth: Vec<f32> = latent.as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
         let mut moved = Rollout::new(&world, &point(&world), 1).expect("a rollout");
         moved.restore(&std::fs::read(&path).expect("a state")).expect("the state fits");
-        let error = error(&go_on(&mut moved), &truth);
+        let error = relative_error(&go_on(&mut moved), &truth);
         let other = path.file_stem().expect("a name").to_string_lossy().into_owned();
         println!("{own} continues the state of {other}: a relative error of {error:e}");
         assert!(if other == own { error == 0.0 } else { error > 0.0 && error <= BOUND }, "{other}: {error:e}");

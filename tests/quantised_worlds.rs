@@ -5,7 +5,7 @@ use std::sync::Arc;
 use cairn::Picture;
 use cairn::bundle::{Bundle, Precision, Processor};
 use cairn::world::{OperatingPoint, Rollout, Schedule, World, WorldOptions};
-use test_support::worlds::{bundle, controls, device, ort, point, processor};
+use test_support::worlds::{bundle, controls, device, ort, point, processor, relative_error};
 
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/worlds");
 /// Latents of the common past, after the seed.
@@ -30,13 +30,6 @@ fn seeded(world: &Arc<World>, point: &OperatingPoint) -> Rollout {
     let mut rollout = Rollout::new(world, point, 7).expect("a rollout");
     rollout.append(&place()).expect("a seed");
     rollout
-}
-
-/// Relative error in the L2 norm.
-fn error(found: &[f32], truth: &[f32]) -> f64 {
-    let square = |v: f32| f64::from(v) * f64::from(v);
-    let apart: f64 = found.iter().zip(truth).map(|(a, b)| square(a - b)).sum();
-    (apart / truth.iter().map(|v| square(*v)).sum::<f64>()).sqrt()
 }
 
 /// The latent of one step by `schedule`, after the same latents of the past.
@@ -65,7 +58,7 @@ fn small_weights_change_a_latent_little() {
         assert_eq!(bundle.manifest().quantisation.as_ref().map(|q| (q.bits, q.block)), Some((bits, 32)));
         let small = load(&bundle);
         for (schedule, bound) in [Schedule::Explicit(vec![WIDEST, 0.0]), Schedule::Stock].into_iter().zip(bounds) {
-            let error = error(&next_latent(&small, &past, &schedule), &next_latent(&full, &past, &schedule));
+            let error = relative_error(&next_latent(&small, &past, &schedule), &next_latent(&full, &past, &schedule));
             println!("{name}, {schedule:?}: {:.3} %", 100.0 * error);
             assert!(error > 0.0 && error <= bound, "{name}, {schedule:?}: a relative error of {error:e}");
         }

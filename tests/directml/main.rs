@@ -13,7 +13,7 @@ use cairn::gpu::{Gpu, read_texture};
 use cairn::runtime::{Device, DirectMlOptions};
 use cairn::world::{KeptAnchor, KvPart, OperatingPoint, Rollout, Schedule, World, WorldOptions};
 use cairn::{ErrorKind, Picture};
-use test_support::worlds::{self, bundle, controls, fingerprint, ort, point, seeded};
+use test_support::worlds::{self, bundle, controls, fingerprint, ort, point, relative_error, seeded};
 
 mod queue_events;
 
@@ -42,13 +42,6 @@ fn steps(rollout: &mut Rollout, range: std::ops::Range<u64>) {
         let info = rollout.step(&controls(i)).expect("a step");
         assert_eq!((info.bytes.read, info.bytes.uploaded > 0), (0, true), "a step reads nothing back");
     }
-}
-
-/// Relative error in the L2 norm.
-fn error(found: &[f32], truth: &[f32]) -> f64 {
-    let square = |v: f32| f64::from(v) * f64::from(v);
-    let apart: f64 = found.iter().zip(truth).map(|(a, b)| square(a - b)).sum();
-    (apart / truth.iter().map(|v| square(*v)).sum::<f64>()).sqrt()
 }
 
 /// A folder that is removed on drop.
@@ -108,7 +101,7 @@ fn a_latent_equals_the_cpu_providers() {
         let nodes = nodes_by_provider(&folder.0);
         assert!(nodes.get("DmlExecutionProvider").is_some_and(|count| *count >= 3), "nodes of three graphs: {nodes:?}");
         assert_eq!(nodes.len(), 1, "every node runs on DirectML: {nodes:?}");
-        let error = error(&found, &truth);
+        let error = relative_error(&found, &truth);
         assert!(error <= bound, "{precision:?}: a relative error of {error:e}");
         assert!(
             error > 0.0,
@@ -139,7 +132,7 @@ fn weights_in_8_and_4_bits_run_on_the_device() {
         let found = latent(&world(&Device::directml(&ort(), &gpu, options).expect("DirectML")));
         let nodes = nodes_by_provider(&folder.0);
         assert_eq!(nodes.keys().collect::<Vec<_>>(), ["DmlExecutionProvider"], "every node runs on DirectML");
-        let error = error(&found, &truth);
+        let error = relative_error(&found, &truth);
         assert!(error > 0.0 && error <= bound, "{name}: a relative error of {error:e} from the CPU provider's");
     }
 }

@@ -11,7 +11,7 @@ use cairn::runtime::{CpuOptions, Device, DeviceKind, WebGpuOptions, webgpu_adapt
 use cairn::world::{Bilinear, KvPart, OperatingPoint, Rollout, Schedule, World, WorldOptions};
 use cairn::{Error, ErrorKind, LibrarySearch, Picture};
 use serde_json::Value;
-use test_support::worlds::{self, bundle, controls, fingerprint, ort, point, seeded, webgpu};
+use test_support::worlds::{self, bundle, controls, fingerprint, ort, point, relative_error, seeded, webgpu};
 
 fn load(device: &Device, name: &str, precision: Precision) -> Arc<World> {
     let options = WorldOptions { precision: Some(precision), ..WorldOptions::default() };
@@ -32,19 +32,12 @@ fn latent(world: &Arc<World>) -> Vec<f32> {
     rollout.latent().expect("a latent").to_vec()
 }
 
-/// Relative error in the L2 norm.
-fn error(found: &[f32], truth: &[f32]) -> f64 {
-    let square = |v: f32| f64::from(v) * f64::from(v);
-    let apart: f64 = found.iter().zip(truth).map(|(a, b)| square(a - b)).sum();
-    (apart / truth.iter().map(|v| square(*v)).sum::<f64>()).sqrt()
-}
-
 #[test]
 fn a_latent_equals_the_cpu_providers() {
     for (precision, bound) in [(Precision::F32, 1e-4), (Precision::F16, 1e-2)] {
         let truth = latent(&load(&worlds::device(), "tiny", precision));
         let found = latent(&load(&webgpu(), "tiny", precision));
-        let error = error(&found, &truth);
+        let error = relative_error(&found, &truth);
         assert!(error <= bound, "{precision:?}: a relative error of {error:e}");
         assert!(error > 0.0, "{precision:?}: equal bits mean that one of the providers did not run");
     }
@@ -66,7 +59,7 @@ fn the_embedded_world_and_smaller_weights_run_on_the_adapter() {
         let truth = latent(&World::load(&worlds::device(), &bundle, options.clone()).expect("a world"));
         let found =
             latent(&World::load(&webgpu(), &bundle, options.clone()).expect("a world with every node on the adapter"));
-        let error = error(&found, &truth);
+        let error = relative_error(&found, &truth);
         println!("{name}: a relative error of {error:e} from the CPU provider's");
         assert!(error > 0.0 && error <= 1e-2, "{name}: a relative error of {error:e} from the CPU provider's");
     }
@@ -104,7 +97,7 @@ fn a_state_moves_between_the_processor_and_the_adapter() {
         for rollout in [&mut rollout, &mut moved] {
             steps(rollout, 2..4);
         }
-        let error = error(moved.latent().expect("a latent"), rollout.latent().expect("a latent"));
+        let error = relative_error(moved.latent().expect("a latent"), rollout.latent().expect("a latent"));
         assert!(error > 0.0 && error <= 1e-4, "both go on alike: a relative error of {error:e}");
     }
 }

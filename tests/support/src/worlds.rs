@@ -100,6 +100,13 @@ pub fn controls(i: u64) -> ControlInput {
     ControlInput::new([i as f32 * 0.5 - 3.0, -(i as f32)], keys, i as f32 - 2.0).expect("controls")
 }
 
+/// Relative error in the L2 norm.
+pub fn relative_error(found: &[f32], truth: &[f32]) -> f64 {
+    let square = |v: f32| f64::from(v) * f64::from(v);
+    let apart: f64 = found.iter().zip(truth).map(|(a, b)| square(a - b)).sum();
+    (apart / truth.iter().map(|v| square(*v)).sum::<f64>()).sqrt()
+}
+
 /// The bits of a rollout: its saved state, its latent and its pictures.
 pub fn fingerprint(rollout: &mut Rollout) -> Result<Vec<u8>> {
     let mut all = rollout.save()?;
