@@ -205,7 +205,7 @@ pub(super) const THOROUGH: &[Part] = &[
     Part {
         runner: Runner {
             name: "webgpu-all",
-            what: "all tests of worlds, 500 latents with flat memory, states that go on on other devices, failing calls, and parity with the oracle, on WebGPU",
+            what: "worlds on WebGPU: all their tests, 500 latents, states of other devices, failing calls, and parity with the oracle",
             run: webgpu::run_all,
         },
         minutes: 40,

@@ -90,6 +90,11 @@ fn exchanged_states(context: &Context<'_>, log: &mut Log) -> Result<Tally, Strin
             _ => tests(context, log, PROGRAM, |command| more(command.env("CAIRN_TEST_DEVICE", device)))?,
         });
     }
+    // Each run continues all states that it finds.
+    for state in ["cpu-linux", "webgpu-linux", "webgpu-windows", "directml-windows"] {
+        let is_there = folder.path().join(state).with_extension("state").is_file();
+        tally.check((!is_there).then(|| format!("no run of {PROGRAM} has left a state of {state}")));
+    }
     Ok(tally)
 }
 
