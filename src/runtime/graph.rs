@@ -77,7 +77,7 @@ pub(crate) struct Graph {
     data: Box<dyn Any + Send + Sync>,
     /// Held while the session is dropped, for backends whose sessions share what is not safe to use from two threads.
     drop_lock: Option<&'static Mutex<()>>,
-    /// What the session needs as long as it lives. Declared last, so that it is dropped after the session.
+    /// An object that must outlive the session. Fields are dropped in order, so it is the last.
     _kept: Option<Arc<dyn Any + Send + Sync>>,
 }
 

@@ -33,7 +33,7 @@ _WHY = {
     "fsr-direct3d": "A program selects a newer Direct3D 12 (Agility SDK) by exporting D3D12SDKVersion and D3D12SDKPath.",
     "fsr-shaders": "A provider's shaders need a shader model, which adapter, driver and Direct3D 12 must support.",
     "device": "A device is what a world runs on. The CPU device works on every system.",
-    "webgpu": "With this provider of ONNX Runtime, worlds run on graphics adapters on Linux, by Vulkan.",
+    "webgpu": "With this provider of ONNX Runtime, worlds run on graphics adapters: by Vulkan on Linux, by Direct3D 12 or Vulkan on Windows.",
     "adapter": "A graphics adapter makes latents many times faster than a processor.",
     "auto": "What `Device.auto` and `--device auto` take.",
     "world": "A world is a bundle: graphs, weights, licence and checksums (docs/bundle.md).",

@@ -65,7 +65,7 @@ def adapters() -> list[Adapter]:
 
 
 def requirements(kind: str = "cpu", *, onnxruntime: str | os.PathLike[str] | None = None) -> list[Requirement]:
-    """Lists the requirements of a device of kind "cpu", "d3d12" or "webgpu", each with what was found; an unmet one is no error."""
+    """Lists the requirements of a device of kind "cpu", "d3d12" or "webgpu", with what was found for each. A requirement that is not met raises no error."""
     if kind not in _KINDS:
         raise refuse("kind", f"{kind!r} is no kind of device", 'Use "cpu", "d3d12" or "webgpu"')
     options = c.DeviceOptions(
