@@ -8,18 +8,17 @@ use std::ptr::{null, null_mut};
 
 use ash::vk;
 
-#[cfg(not(windows))]
 use super::WebGpuAdapter;
 use crate::runtime::DeviceMemory;
 use crate::{Error, ErrorKind, Result};
 
-/// Vulkan's loader, as the provider finds it: on Windows only as a file in its own folder, since it loads `vulkan-1.dll` with flags that allow
-/// full paths only. `plugin` is the provider's library.
+/// Vulkan's loader, if the provider uses Vulkan: on Windows it finds `vulkan-1.dll` only as a file in its own folder, since it loads it with
+/// flags that allow full paths only. `plugin` is the provider's library.
 pub(super) fn loader(plugin: Option<&Path>) -> Option<PathBuf> {
     if cfg!(windows) {
         plugin.map(|plugin| plugin.with_file_name("vulkan-1.dll")).filter(|loader| loader.is_file())
     } else {
-        Some(PathBuf::from("libvulkan.so.1"))
+        cfg!(target_os = "linux").then(|| PathBuf::from("libvulkan.so.1"))
     }
 }
 
@@ -71,8 +70,7 @@ impl Drop for Instance {
     }
 }
 
-/// All adapters, in Vulkan's order.
-#[cfg(not(windows))]
+/// All adapters, in Vulkan's order, where its loader is found without the provider's library.
 pub(super) fn list() -> Result<Vec<WebGpuAdapter>> {
     let Some(loader) = loader(None) else { return Ok(Vec::new()) };
     let (_, adapters) = Instance::new(&loader)?.adapters()?;

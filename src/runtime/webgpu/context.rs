@@ -173,8 +173,8 @@ impl WebGpuContext {
         *self.last_read.get_mut() = None;
     }
 
-    /// Makes copies, all in one graph if possible: all or none. Those through the host's memory are made after those in the graph, and are
-    /// completed later where the adapter cannot be written to.
+    /// Makes copies that are independent of each other, all or none: in one graph if possible, else through the host's memory. These cannot fail
+    /// once the graph has run: where the adapter cannot be written to, they are completed later.
     fn make_copies(&mut self, copies: &[(BufferId, BufferId, Vec<Region>)]) -> Result<()> {
         self.changes();
         self.settle()?;
@@ -194,14 +194,9 @@ impl WebGpuContext {
                     });
                     parts.push((*to, *from, Move { shape, lists }));
                 }
-                None => self.add_copy_through_host(&mut through_host, *to, *from, regions)?,
+                None => through_host.push((*to, Place::Host(self.contents_after(*to, *from, regions)?))),
             }
         }
-        let is_through_host = |id: BufferId| through_host.iter().any(|(to, _)| *to == id);
-        assert!(
-            !parts.iter().any(|(to, from, _)| is_through_host(*to) || is_through_host(*from)),
-            "independent copies"
-        );
         self.run_mover(parts, lists)?;
         self.set_contents(through_host);
         self.bytes.copied += copies.iter().flat_map(|(.., regions)| regions).map(|r| r.len as u64).sum::<u64>();
@@ -231,32 +226,18 @@ impl WebGpuContext {
         mover.binding.run(mover.session.get())
     }
 
-    /// Adds to `contents` what a buffer holds after a copy.
-    fn add_copy_through_host(
-        &self,
-        contents: &mut Contents,
-        to: BufferId,
-        from: BufferId,
-        regions: &[Region],
-    ) -> Result<()> {
-        let source = self.read_whole(from)?;
-        let bytes = self.buffers[to.0].bytes;
-        if !contents.iter().any(|(id, _)| *id == to) {
-            let mut target = AlignedBuffer::zeroed(bytes)?;
-            let is_whole = |r: &Region| r.to == 0 && r.len == bytes;
-            if !regions.iter().any(is_whole) {
-                target.bytes_mut()[..bytes].copy_from_slice(&self.read_whole(to)?);
-            }
-            contents.push((to, Place::Host(target)));
+    /// What a buffer holds after a copy.
+    fn contents_after(&self, to: BufferId, from: BufferId, regions: &[Region]) -> Result<AlignedBuffer> {
+        let (source, bytes) = (self.read_whole(from)?, self.buffers[to.0].bytes);
+        let mut contents = AlignedBuffer::zeroed(bytes)?;
+        let is_whole = |r: &Region| r.to == 0 && r.len == bytes;
+        if !regions.iter().any(is_whole) {
+            contents.bytes_mut()[..bytes].copy_from_slice(&self.read_whole(to)?);
         }
-        for (id, place) in contents {
-            if let (true, Place::Host(target)) = (*id == to, place) {
-                for r in regions {
-                    target.bytes_mut()[r.to..r.to + r.len].copy_from_slice(&source[r.from..r.from + r.len]);
-                }
-            }
+        for r in regions {
+            contents.bytes_mut()[r.to..r.to + r.len].copy_from_slice(&source[r.from..r.from + r.len]);
         }
-        Ok(())
+        Ok(contents)
     }
 
     fn new_mover(&self, parts: Vec<(BufferId, BufferId, Move)>, lists: &[Vec<i64>]) -> Result<Mover> {

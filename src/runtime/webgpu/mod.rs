@@ -4,7 +4,6 @@
 //! All values stay in buffers on the adapter. The provider gives no access to its queue, so moves and checks of values are small graphs of
 //! their own ([`helper_graphs`]).
 
-#[cfg(any(target_os = "linux", windows))]
 mod adapters;
 mod buffer;
 mod context;
@@ -20,7 +19,6 @@ use std::time::Duration;
 use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 
-#[cfg(any(target_os = "linux", windows))]
 use super::DeviceMemory;
 use super::device::{Backend, DeviceKind};
 use super::failure::make;
@@ -48,13 +46,10 @@ pub struct WebGpuAdapter {
 /// Lists the adapters that Vulkan has, in its order, which [`WebGpuOptions::adapter`] counts by. Empty without Vulkan, and on systems other
 /// than Linux, where only the provider knows them.
 pub fn webgpu_adapters() -> Vec<WebGpuAdapter> {
-    #[cfg(target_os = "linux")]
-    return adapters::list().unwrap_or_else(|error| {
+    adapters::list().unwrap_or_else(|error| {
         log::info!("{error}");
         Vec::new()
-    });
-    #[cfg(not(target_os = "linux"))]
-    Vec::new()
+    })
 }
 
 /// The requirements of a WebGPU device besides ONNX Runtime's own library.
@@ -138,7 +133,6 @@ impl Backend for WebGpuBackend {
         DeviceKind::WebGpu
     }
 
-    #[cfg(any(target_os = "linux", windows))]
     fn memory(&self) -> Option<DeviceMemory> {
         self.plugin.memory_use()
     }

@@ -12,11 +12,9 @@ use ort::session::Session;
 use ort::sys;
 
 use super::super::failure::make;
-#[cfg(any(target_os = "linux", windows))]
-use super::adapters::VulkanAdapter;
+use super::adapters::{self, VulkanAdapter};
 use super::value::check;
 use crate::locks::Mutex;
-#[cfg(any(target_os = "linux", windows))]
 use crate::runtime::DeviceMemory;
 use crate::runtime::Ort;
 use crate::{Error, ErrorKind, LibrarySearch, Result};
@@ -102,7 +100,7 @@ impl Plugin {
             // Buffers outlive sessions.
             ("preserveDevice", "1"),
         ];
-        if adapter.is_vulkan() {
+        if adapter.vulkan.is_some() {
             options.push(("dawnBackendType", "Vulkan"));
         }
         let options =
@@ -146,15 +144,14 @@ impl Plugin {
     }
 
     /// The adapter's memory budget and use.
-    #[cfg(any(target_os = "linux", windows))]
     pub(super) fn memory_use(&self) -> Option<DeviceMemory> {
         self.adapter.vulkan.as_ref()?.memory()
     }
 
     /// Refuses a graph that holds more in one buffer than the adapter can use.
     pub(super) fn check_fits(&self, what: &str, tensor: &str, bytes: u64) -> Result<()> {
-        match self.adapter.largest_buffer() {
-            Some(largest) => check_fits(largest, what, tensor, bytes),
+        match &self.adapter.vulkan {
+            Some(vulkan) => check_fits(vulkan.largest_buffer, what, tensor, bytes),
             None => Ok(()),
         }
     }
@@ -170,24 +167,20 @@ struct Adapter {
     /// Whether the provider must prefer saving power to take it.
     low_power: bool,
     /// What Vulkan knows of it, if the provider uses Vulkan.
-    #[cfg(any(target_os = "linux", windows))]
     vulkan: Option<VulkanAdapter>,
 }
 
 impl Adapter {
     /// `plugin` is the provider's library.
     fn choose(wanted: Option<&str>, plugin: Option<&Path>) -> Result<Self> {
-        #[cfg(any(target_os = "linux", windows))]
-        if let Some(loader) = super::adapters::loader(plugin) {
+        if let Some(loader) = adapters::loader(plugin) {
             let vulkan = VulkanAdapter::choose(&loader, wanted)?;
             return Ok(Self { name: vulkan.name.clone(), low_power: vulkan.low_power, vulkan: Some(vulkan) });
         }
-        let _ = plugin;
         match wanted {
             None => Ok(Self {
                 name: "the system's fastest adapter".to_owned(),
                 low_power: false,
-                #[cfg(any(target_os = "linux", windows))]
                 vulkan: None,
             }),
             Some(_) => Err(Error::new(ErrorKind::Unsupported, "an adapter can be named only where the provider uses Vulkan")
@@ -198,18 +191,6 @@ impl Adapter {
                     "Leave the choice to ONNX Runtime"
                 })),
         }
-    }
-
-    fn is_vulkan(&self) -> bool {
-        self.largest_buffer().is_some()
-    }
-
-    /// Bytes that a shader can read or write as one buffer; `None` if only the provider knows.
-    fn largest_buffer(&self) -> Option<u64> {
-        #[cfg(any(target_os = "linux", windows))]
-        return self.vulkan.as_ref().map(|vulkan| vulkan.largest_buffer);
-        #[cfg(not(any(target_os = "linux", windows)))]
-        None
     }
 }
 
