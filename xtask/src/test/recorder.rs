@@ -127,7 +127,8 @@ pub(super) fn run_amd_and_study(context: &Context<'_>, log: &mut Log) -> Result<
 
 /// Names of the tests in which calls fail, by what a host does meanwhile, and which calls fail.
 const FAULTS_FRAMES: &str = "faults::frames::";
-const FAULTS_AMD: &str = "faults::amd";
+const FAULTS_AMD: &str = "faults::amd::";
+const FAULTS_AMD_SWAPCHAIN: &str = "faults::amd_swapchain::";
 const FAULTS_WORLDS: &str = "faults::worlds::";
 /// Tests that end the process over AMD's own libraries, which read a null pointer where one of some calls to Direct3D fails, with the reason.
 const AMDS_CRASHES: [(&str, &str); 2] = [
@@ -151,6 +152,13 @@ pub(super) fn run_faults_frames(context: &Context<'_>, log: &mut Log) -> Result<
 pub(super) fn run_faults_amd(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
     context.with_and_without_amd(&mut tally, |amd| run_faults(context, log, FAULTS_AMD, "1", amd))?;
+    Ok(tally)
+}
+
+/// The same for AMD's swap chain.
+pub(super) fn run_faults_amd_swapchain(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    let mut tally = Tally::default();
+    context.with_and_without_amd(&mut tally, |amd| run_faults(context, log, FAULTS_AMD_SWAPCHAIN, "1", amd))?;
     Ok(tally)
 }
 

@@ -260,6 +260,14 @@ pub(super) const THOROUGH: &[Part] = &[
     },
     Part {
         runner: Runner {
+            name: "faults-amd-swapchain",
+            what: "every call of AMD's swap chain fails, once and for ever, and every call to Direct3D beneath it",
+            run: recorder::run_faults_amd_swapchain,
+        },
+        minutes: 30,
+    },
+    Part {
+        runner: Runner {
             name: "faults-worlds",
             what: "a call of each place that calls Direct3D, DirectML or ONNX Runtime fails while a world runs on DirectML",
             run: recorder::run_faults_worlds,

@@ -13,7 +13,7 @@ use windows::Win32::Graphics::Direct3D12::{
 use windows::Win32::Graphics::Dxgi::DXGI_ERROR_DEVICE_REMOVED;
 use windows::core::{HRESULT, Interface};
 
-use super::hooks::{call_site, replace};
+use super::hooks::{Inside, call_site, replace};
 use super::report;
 
 /// Whether calls are counted, and fail when it is their turn.
@@ -36,6 +36,7 @@ pub(super) fn sites() -> Vec<u64> {
 /// From now on, while armed, call number `call` fails for lack of memory; or it and all later ones, since the device is removed.
 pub(super) fn fail(call: u64, is_removal: bool) {
     COUNT.store(0, Ordering::SeqCst);
+    *FINISHED.lock() = 0;
     SITES.lock().clear();
     IS_REMOVAL.store(is_removal, Ordering::SeqCst);
     FAILING.store(call, Ordering::SeqCst);
@@ -50,10 +51,24 @@ pub(super) fn arm(is_armed: bool) -> u64 {
 /// Functions that fail on removed devices only: ONNX Runtime waits for ever for a signal that it took for queued.
 const REMOVAL_ONLY: [&str; 2] = ["Signal", "Wait"];
 
+/// The number of the failing call at whose removal the queues' work was finished; 0 before.
+static FINISHED: Mutex<u64> = Mutex::new(0);
+
+/// Whether the device is removed. If so, its work is complete, as far as the program can know: another thread, such as that of DXGI's swap
+/// chain, may be in the call that removed it.
 fn is_removed() -> bool {
     let failing = FAILING.load(Ordering::SeqCst);
     let has_failed = failing > 0 && COUNT.load(Ordering::SeqCst) >= failing;
-    IS_ARMED.load(Ordering::SeqCst) && IS_REMOVAL.load(Ordering::SeqCst) && has_failed
+    let is_removed = IS_ARMED.load(Ordering::SeqCst) && IS_REMOVAL.load(Ordering::SeqCst) && has_failed;
+    if is_removed {
+        let mut finished = FINISHED.lock();
+        if *finished != failing {
+            finish_work();
+            *finished = failing;
+        }
+        report(0, |calls| calls.recorder.remove_device());
+    }
+    is_removed
 }
 
 /// Return value of a hooked function.
@@ -92,16 +107,11 @@ impl Outcome for HRESULT {
         if call < failing {
             return None;
         }
-        match IS_REMOVAL.load(Ordering::SeqCst) {
-            true => {
-                if call == failing {
-                    finish_work();
-                }
-                report(0, |calls| calls.recorder.remove_device());
-                Some(DXGI_ERROR_DEVICE_REMOVED)
-            }
-            false => (call == failing && !REMOVAL_ONLY.contains(&function)).then_some(E_OUTOFMEMORY),
+        if is_removed() {
+            return Some(DXGI_ERROR_DEVICE_REMOVED);
         }
+        let fails = !IS_REMOVAL.load(Ordering::SeqCst) && call == failing && !REMOVAL_ONLY.contains(&function);
+        fails.then_some(E_OUTOFMEMORY)
     }
 }
 
@@ -132,6 +142,7 @@ static REASON: OnceLock<unsafe extern "system" fn(*mut c_void) -> HRESULT> = Onc
 
 /// `ID3D12Device::GetDeviceRemovedReason`, which names the removal that is simulated. It cannot fail.
 unsafe extern "system" fn removed_reason(this: *mut c_void) -> HRESULT {
+    let _inside = Inside::enter();
     if is_removed() {
         return DXGI_ERROR_DEVICE_REMOVED;
     }
