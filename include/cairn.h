@@ -2711,8 +2711,8 @@ typedef struct cairn_swapchain_statistics {
     /** sizeof(cairn_swapchain_statistics) */
     uint32_t struct_size;
     /**
-     * Last error code of AMD's generator within Present, one of ffx-api's; 0 if it never failed. After an error, frames are presented
-     * without generated ones between them.
+     * Last error code of AMD's generator within Present, one of ffx-api's; 0 if it never failed. A frame whose generation fails is presented
+     * twice.
      */
     uint32_t failed;
     /** Frames generated. */

@@ -4,6 +4,7 @@
 //! `Present` it records motion and depth of the frame ([`Swapchain::prepare`]). Within `Present`, AMD's swap chain records the
 //! generated frame through a callback, which forwards its struct to the generator.
 
+mod generation;
 mod present_fence;
 mod settings;
 mod takeover;
@@ -22,9 +23,9 @@ use windows::core::Interface as _;
 
 use super::bindings::{
     ConfigureFrameGeneration, ConfigureInterface, ConfigureSwapchainKeyValue, CreateFrameGeneration,
-    CreateSwapchainForWindow, CreateSwapchainNew, CreateSwapchainWrap, Creates, Dimensions, DispatchFrameGeneration,
-    DispatchWait, FrameFlags, InterfaceFlags, MemoryUsage, PacingTuning, QuerySwapchainMemory, RawContext, Resource,
-    ResourceState, ReturnCode, SurfaceFormat, SwapchainKey,
+    CreateSwapchainForWindow, CreateSwapchainNew, CreateSwapchainWrap, Creates, Dimensions, DispatchWait, FrameFlags,
+    InterfaceFlags, MemoryUsage, PacingTuning, QuerySwapchainMemory, RawContext, Resource, ResourceState, ReturnCode,
+    SurfaceFormat, SwapchainKey,
 };
 use super::sanitised_motion::SanitisedMotion;
 use super::texture_generator::{READ, TextureGenerator, TextureOptions, motion_size_at, picture};
@@ -32,6 +33,8 @@ use super::{Api, Chain, Choice, Context, Frame, FrameParams, Generator, Provider
 use crate::gpu::compute::{CommandRing, ResourceWithState};
 use crate::gpu::{Gpu, check_list, failed_on};
 use crate::{Error, ErrorKind, Result};
+pub(crate) use generation::is_presenting_thread;
+use generation::{CallbackData, generate};
 use present_fence::PresentFence;
 pub use settings::{
     FrameTextures, Interface, Pacing, SwapchainMemory, SwapchainOptions, SwapchainSource, swapchain_memory_needed,
@@ -83,25 +86,6 @@ struct CreationStructs {
 // free-threaded; the library's own threads get `CallbackData` only.
 unsafe impl Send for Swapchain {}
 
-/// State that the `generate` callback reads and writes.
-struct CallbackData {
-    api: Api,
-    /// The generator's context; the lock serialises its calls. Null without a generator.
-    context: ReentrantMutex<Cell<RawContext>>,
-    /// Id of the frame that resets the history; 0 for none.
-    reset: AtomicU64,
-    generated: AtomicU64,
-    /// Return code of the last failed generation; 0 if none failed.
-    failed: AtomicU32,
-    /// A generation has failed since the last prepared frame, so that the history has a gap.
-    has_gap: AtomicBool,
-}
-
-// SAFETY: the context is only used under its lock.
-unsafe impl Send for CallbackData {}
-// SAFETY: as above.
-unsafe impl Sync for CallbackData {}
-
 /// A pacing context, whichever struct created it.
 trait Pacer {
     fn raw(&self) -> RawContext;
@@ -121,47 +105,6 @@ impl<Head: Creates> Pacer for Context<Head> {
     fn api(&self) -> &Api {
         Self::api(self)
     }
-}
-
-thread_local! {
-    /// Whether AMD's library is generating a frame on this thread. Destroying the swap chain waits for that.
-    static IS_GENERATING: Cell<bool> = const { Cell::new(false) };
-}
-
-/// Whether AMD's library is generating a frame on this thread, for example while it calls the message callback.
-pub(crate) fn is_presenting_thread() -> bool {
-    IS_GENERATING.get()
-}
-
-/// The generation callback that AMD's swap chain calls within `Present`: forwards the struct to the generator's context.
-unsafe extern "C" fn generate(request: *mut DispatchFrameGeneration, user: *mut c_void) -> ReturnCode {
-    if request.is_null() || user.is_null() {
-        return ReturnCode::PARAMETER;
-    }
-    // SAFETY: the user pointer that `prepare` passed; it lives until generation is turned off.
-    let callback_data = unsafe { &*user.cast::<CallbackData>() };
-    let lock = callback_data.context.lock();
-    let context = lock.get();
-    if context.is_null() {
-        return ReturnCode::ERROR;
-    }
-    // SAFETY: the library's own struct, which the callback may change.
-    unsafe {
-        if (*request).frame_id == callback_data.reset.load(Ordering::Relaxed) {
-            (*request).reset = true;
-        }
-    }
-    let before = IS_GENERATING.replace(true);
-    // SAFETY: a live context, and the struct that the library has just passed.
-    let code = unsafe { callback_data.api.forward(context, request.cast()) };
-    IS_GENERATING.set(before);
-    if code == ReturnCode::OK {
-        callback_data.generated.fetch_add(1, Ordering::Relaxed);
-    } else {
-        callback_data.failed.store(code.0, Ordering::Relaxed);
-        callback_data.has_gap.store(true, Ordering::Relaxed);
-    }
-    code
 }
 
 impl Swapchain {
@@ -276,8 +219,7 @@ impl Swapchain {
         self.callback_data.generated.load(Ordering::Relaxed)
     }
 
-    /// The last error that the generator returned within `Present`, if any. A frame whose generation fails is presented without a
-    /// generated one.
+    /// The last error that the generator returned within `Present`, if any. A frame whose generation fails is presented twice.
     pub fn failed(&self) -> Option<ReturnCode> {
         Some(ReturnCode(self.callback_data.failed.load(Ordering::Relaxed))).filter(|code| *code != ReturnCode::OK)
     }

@@ -162,8 +162,8 @@ describe!(cairn_swapchain_pacing, [], { struct_size, flags, safety_margin_ms, va
 pub struct cairn_swapchain_statistics {
     /// sizeof(cairn_swapchain_statistics)
     pub struct_size: u32,
-    /// Last error code of AMD's generator within Present, one of ffx-api's; 0 if it never failed. After an error, frames are presented
-    /// without generated ones between them.
+    /// Last error code of AMD's generator within Present, one of ffx-api's; 0 if it never failed. A frame whose generation fails is presented
+    /// twice.
     pub failed: u32,
     /// Frames generated.
     pub generated: u64,

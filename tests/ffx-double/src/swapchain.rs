@@ -330,8 +330,14 @@ impl FakeSwapchain {
                 Library::handle("present", |library| {
                     library.report_violation("present", &format!("frame {last} is presented again, unprepared"), OK)
                 });
-            } else if let Some(list) = self.generate(&settings, &color, &generated, starts)? {
-                self.run(&list)?;
+            } else if let Some((code, list)) = self.generate(&settings, &color, &generated, starts)? {
+                if code == OK {
+                    self.run(&list)?;
+                } else {
+                    // As AMD's swap chain does.
+                    let why = "the callback failed, so its list stays open, and its output is shown as it is";
+                    Library::handle("present", |library| library.report_violation("present", why, OK));
+                }
                 let mut now = self.state();
                 (now.starts, now.last) = (false, settings.frame);
                 drop(now);
@@ -344,14 +350,14 @@ impl FakeSwapchain {
         Ok(())
     }
 
-    /// Calls the host's generation callback; returns the list if it succeeded.
+    /// Calls the host's generation callback, if there is one; returns its code and the list.
     fn generate(
         &self,
         settings: &Settings,
         color: &ID3D12Resource,
         generated: &ID3D12Resource,
         starts: bool,
-    ) -> Result<Option<ID3D12GraphicsCommandList>> {
+    ) -> Result<Option<(u32, ID3D12GraphicsCommandList)>> {
         let Some(generate) = settings.generate else { return Ok(None) };
         let list = self.list()?;
         let mut request = [0_u64; 39];
@@ -379,7 +385,7 @@ impl FakeSwapchain {
         }
         // SAFETY: the host's function with its user data.
         let code = unsafe { generate(head, settings.user) };
-        Ok((code == OK).then_some(list))
+        Ok(Some((code, list)))
     }
 
     /// Creates an open list.

@@ -1,4 +1,4 @@
-//! AMD's swap chain: each of its functions, and frames that it presents. A frame whose generation fails is presented alone.
+//! AMD's swap chain: each of its functions, and frames that it presents. A frame whose generation fails is presented twice.
 
 use std::ffi::CString;
 use std::ptr::{null, null_mut};
