@@ -314,6 +314,8 @@ pub(crate) fn with_recorder<T>(
 /// Runs something while the recorder is in a folder as `d3d12.dll`.
 fn beside<T>(recorder: &Path, folder: &Path, run: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     let library = folder.join("d3d12.dll");
+    // A new file each time: a program that another run has started keeps the one that it has loaded.
+    _ = fs::remove_file(&library);
     fs::copy(recorder, &library).map_err(|e| format!("{}: {e}", recorder.display()))?;
     let ran = run();
     fs::remove_file(&library).map_err(|e| format!("{}: {e}", library.display()))?;
