@@ -2581,7 +2581,8 @@ CAIRN_API cairn_result cairn_presenter_release_d3d12(cairn_presenter *presenter)
 #define CAIRN_INTERFACE_PREMULTIPLIED 1
 
 /**
- * A flag of cairn_swapchain_set_interface: the picture is copied within Present, and may be drawn to again when Present returns.
+ * A flag of cairn_swapchain_set_interface: the picture is copied within Present, and may be drawn to again when Present returns. AMD's
+ * swap chain then forgets it; cairn_swapchain_prepare sets it again. Without that call, set it before each Present.
  */
 #define CAIRN_INTERFACE_COPIED 2
 
@@ -2832,8 +2833,8 @@ CAIRN_API cairn_result cairn_swapchain_get_dxgi(cairn_swapchain *swapchain, stru
 
 /**
  * Records motion and depth of the frame that is presented next; Present then also shows a frame generated between it and the previous
- * one. A frame without this recording is presented without a generated one. The list's descriptor heaps, compute root signature and
- * pipeline are replaced; the rest of its state does not change.
+ * one. A frame without this recording is presented twice, unless generation is paused, and the next one has no history. The list's
+ * descriptor heaps, compute root signature and pipeline are replaced; the rest of its state does not change.
  *
  * list: open for recording, for the device's queue; execute it there before Present.
  *

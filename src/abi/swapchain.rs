@@ -188,8 +188,8 @@ pub unsafe extern "C" fn cairn_swapchain_get_dxgi(
 }
 
 /// Records motion and depth of the frame that is presented next; Present then also shows a frame generated between it and the previous
-/// one. A frame without this recording is presented without a generated one. The list's descriptor heaps, compute root signature and
-/// pipeline are replaced; the rest of its state does not change.
+/// one. A frame without this recording is presented twice, unless generation is paused, and the next one has no history. The list's
+/// descriptor heaps, compute root signature and pipeline are replaced; the rest of its state does not change.
 ///
 /// list: open for recording, for the device's queue; execute it there before Present.
 ///

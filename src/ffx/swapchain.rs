@@ -63,7 +63,7 @@ pub struct Swapchain {
     pacer: Box<dyn Pacer>,
     /// Structs that the pacer's creation chain points to.
     _creation_structs: Box<CreationStructs>,
-    interface: Option<ID3D12Resource>,
+    interface: Option<HeldInterface>,
     /// HUD-less pictures of this frame and the previous one, which `Present` may still read.
     hudless: [Option<ID3D12Resource>; 2],
     is_on: bool,
@@ -85,6 +85,13 @@ struct CreationStructs {
 // SAFETY: the library's context and its swap chain may be used by one thread after the other, and objects of Direct3D 12 are
 // free-threaded; the library's own threads get `CallbackData` only.
 unsafe impl Send for Swapchain {}
+
+/// The interface that was set last.
+struct HeldInterface {
+    picture: ID3D12Resource,
+    state: ResourceState,
+    flags: InterfaceFlags,
+}
 
 /// A pacing context, whichever struct created it.
 trait Pacer {
@@ -155,6 +162,7 @@ impl Swapchain {
         let callback_data = Box::new(CallbackData {
             api: *api,
             context: ReentrantMutex::new(Cell::new(generator.context().raw())),
+            prepared: AtomicU64::new(0),
             reset: AtomicU64::new(0),
             generated: AtomicU64::new(0),
             failed: AtomicU32::new(0),
@@ -241,7 +249,8 @@ impl Swapchain {
     }
 
     /// Records motion and depth of the next frame into `list`, an open list of the engine, which must submit it to its queue before
-    /// `Present`. `Present` then also shows a frame between this one and the previous one, unless `params.reset` is set.
+    /// `Present`. `Present` then also shows a frame between this one and the previous one, unless `params.reset` is set. A frame that is
+    /// not prepared is shown twice, unless generation is paused, and the next one has no history.
     ///
     /// Ignores `params.transfer` and `params.luminance`: AMD's swap chain takes them from `SetColorSpace1` and `SetHDRMetaData`.
     ///
@@ -285,6 +294,12 @@ impl Swapchain {
         };
         let (hudless, distortion) =
             (optional(&pictures.hudless, "hudless")?, optional(&pictures.distortion, "distortion")?);
+        // AMD's swap chain forgets a copied interface within `Present` (`copyUiResource` in its published source).
+        if let Some(interface) =
+            self.interface.as_ref().filter(|held| held.flags.contains(InterfaceFlags::DOUBLE_BUFFERED))
+        {
+            self.configure_interface(Some(interface))?;
+        }
         // The engine has submitted the previous frame's list by now.
         self.presented.signal_presented()?;
         let until = self.presented.next()?;
@@ -318,6 +333,7 @@ impl Swapchain {
         // by `self`; the swap chain and the callback's data outlive generation, which is turned off first.
         let prepared = unsafe { generator.prepare(&request, settings) };
         let (id, reset) = prepared.map_err(|error| self.gpu.or_removed(error))?;
+        self.callback_data.prepared.store(id, Ordering::Relaxed);
         self.callback_data.reset.store(if reset { id } else { 0 }, Ordering::Relaxed);
         drop(lock);
         frame.resume();
@@ -363,29 +379,43 @@ impl Swapchain {
     /// `InvalidArgument` for a picture of another size or device, or in a state that ffx-api has no value for. The library's own
     /// errors.
     pub fn set_interface(&mut self, interface: Option<Interface<'_>>) -> Result<()> {
-        let mut config = ConfigureInterface::default();
-        if let Some(Interface { picture: given, premultiplied, copied }) = &interface {
-            picture(&self.gpu, given, self.size()?, "interface")?;
-            let state = ResourceState::from_d3d12(given.state.0.cast_unsigned()).ok_or_else(|| {
-                Error::new(ErrorKind::InvalidArgument, "AMD's swap chain has no word for its state").field("interface")
-            })?;
-            config.interface = Resource::of(given.resource, state);
-            if let Some(why) = config.interface.fault(self.size()?) {
-                return Err(Error::new(ErrorKind::InvalidArgument, why).field("interface"));
-            }
-            config.flags.set(InterfaceFlags::PREMULTIPLIED, *premultiplied);
-            config.flags.set(InterfaceFlags::DOUBLE_BUFFERED, *copied);
-        }
-        let next = interface.map(|interface| interface.picture.resource.clone());
-        if self.interface.is_some() && self.interface != next {
+        let next = interface.map(|interface| self.checked_interface(&interface)).transpose()?;
+        let picture = |interface: &Option<HeldInterface>| interface.as_ref().map(|held| held.picture.as_raw());
+        if self.interface.is_some() && picture(&self.interface) != picture(&next) {
             self.wait()?;
         }
-        let pacer = &self.pacer;
-        // SAFETY: our own context; the picture is held until it is replaced.
-        unsafe { pacer.api().configure(pacer.raw(), &mut Chain::new(config)) }
-            .map_err(|failure| self.gpu.or_removed(failure.error()))?;
+        self.configure_interface(next.as_ref())?;
         self.interface = next;
         Ok(())
+    }
+
+    fn checked_interface(&self, interface: &Interface<'_>) -> Result<HeldInterface> {
+        let refuse = |why: &str| Err(Error::new(ErrorKind::InvalidArgument, why).field("interface"));
+        let Interface { picture: given, premultiplied, copied } = interface;
+        let size = self.size()?;
+        picture(&self.gpu, given, size, "interface")?;
+        let Some(state) = ResourceState::from_d3d12(given.state.0.cast_unsigned()) else {
+            return refuse("AMD's swap chain has no word for its state");
+        };
+        if let Some(why) = Resource::of(given.resource, state).fault(size) {
+            return refuse(&why);
+        }
+        let mut flags = InterfaceFlags::empty();
+        flags.set(InterfaceFlags::PREMULTIPLIED, *premultiplied);
+        flags.set(InterfaceFlags::DOUBLE_BUFFERED, *copied);
+        Ok(HeldInterface { picture: given.resource.clone(), state, flags })
+    }
+
+    /// Tells AMD's swap chain of an interface, which the caller holds until another is set.
+    fn configure_interface(&self, interface: Option<&HeldInterface>) -> Result<()> {
+        let config = interface.map_or_else(ConfigureInterface::default, |held| ConfigureInterface {
+            interface: Resource::of(&held.picture, held.state),
+            flags: held.flags,
+            ..Default::default()
+        });
+        // SAFETY: our own context; the caller's promise.
+        unsafe { self.pacer.api().configure(self.pacer.raw(), &mut Chain::new(config)) }
+            .map_err(|failure| self.gpu.or_removed(failure.error()))
     }
 
     /// Sets the pacing of presents.

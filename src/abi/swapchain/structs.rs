@@ -37,7 +37,8 @@ pub const CAIRN_SWAPCHAIN_RESET: u32 = 1;
 
 /// A flag of cairn_swapchain_set_interface: colours are premultiplied by alpha.
 pub const CAIRN_INTERFACE_PREMULTIPLIED: u32 = 1;
-/// A flag of cairn_swapchain_set_interface: the picture is copied within Present, and may be drawn to again when Present returns.
+/// A flag of cairn_swapchain_set_interface: the picture is copied within Present, and may be drawn to again when Present returns. AMD's
+/// swap chain then forgets it; cairn_swapchain_prepare sets it again. Without that call, set it before each Present.
 pub const CAIRN_INTERFACE_COPIED: u32 = 2;
 
 /// A flag of cairn_swapchain_pacing: waits by sleeping, and by spinning for the last spin_ticks; without it, by spinning alone.

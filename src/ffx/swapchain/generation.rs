@@ -20,12 +20,14 @@ pub(super) struct CallbackData {
     pub(super) api: Api,
     /// The generator's context; the lock serialises its calls. Null without a generator.
     pub(super) context: ReentrantMutex<Cell<RawContext>>,
+    /// Id of the frame that is prepared and not yet presented; 0 for none.
+    pub(super) prepared: AtomicU64,
     /// Id of the frame that resets the history; 0 for none.
     pub(super) reset: AtomicU64,
     pub(super) generated: AtomicU64,
     /// Return code of the last failed generation; 0 if none failed.
     pub(super) failed: AtomicU32,
-    /// A generation has failed since the last prepared frame, so that the history has a gap.
+    /// A frame was not generated since the last prepared one, so that the history has a gap.
     pub(super) has_gap: AtomicBool,
 }
 
@@ -52,15 +54,24 @@ pub(super) unsafe extern "C" fn generate(request: *mut DispatchFrameGeneration, 
     // SAFETY: the user pointer that `prepare` passed; it lives until generation is turned off.
     let callback_data = unsafe { &*user.cast::<CallbackData>() };
     // SAFETY: the struct that the library has just passed, which the callback may change.
-    let code = unsafe { forward(callback_data, &mut *request) };
-    if code == ReturnCode::OK {
+    let request = unsafe { &mut *request };
+    // AMD's swap chain also asks for a frame before one that was not prepared, with the id of the last one that was.
+    let is_prepared = callback_data.prepared.swap(0, Ordering::Relaxed) == request.frame_id;
+    // SAFETY: as above.
+    let code = if is_prepared { unsafe { forward(callback_data, request) } } else { ReturnCode::OK };
+    if code != ReturnCode::OK {
+        callback_data.failed.store(code.0, Ordering::Relaxed);
+    } else if is_prepared {
         callback_data.generated.fetch_add(1, Ordering::Relaxed);
         return code;
     }
-    callback_data.failed.store(code.0, Ordering::Relaxed);
     callback_data.has_gap.store(true, Ordering::Relaxed);
     // SAFETY: the library's struct; its list is open and its textures live during the callback.
-    if unsafe { repeat_frame(&*request) }.is_some() { ReturnCode::OK } else { code }
+    match unsafe { repeat_frame(request) } {
+        Some(()) => ReturnCode::OK,
+        None if is_prepared => code,
+        None => ReturnCode::ERROR,
+    }
 }
 
 /// Has the generator record the frame.

@@ -80,7 +80,8 @@ pub struct Interface<'a> {
     pub picture: ResourceWithState<'a>,
     /// Its colours are premultiplied by its alpha.
     pub premultiplied: bool,
-    /// The swap chain copies it within `Present`, so that the next one may be drawn immediately after.
+    /// The swap chain copies it within `Present`, so that the next one may be drawn immediately after. It then forgets it;
+    /// [`Swapchain::prepare`](super::Swapchain::prepare) sets it again. Without that call, set it before each `Present`.
     pub copied: bool,
 }
 

@@ -352,6 +352,9 @@ impl GeneratorState {
         if frames != 1 || reset > 1 || (self.last.is_none() && reset == 0) {
             fault(format!("{frames} frames, reset {reset} after {:?}", self.last));
         }
+        if self.last == Some(id) {
+            fault(format!("frame {id} is generated again, unprepared"));
+        }
         // AMD's libraries drop the history at any other id, so a host that does not ask for that has lost count. Where AMD's swap chain presents,
         // it generates no frame for some ids.
         if reset == 0 && self.presented_by.is_none() && self.last.is_some_and(|last| id != last.wrapping_add(1)) {

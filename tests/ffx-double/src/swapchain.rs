@@ -66,11 +66,9 @@ pub(crate) struct PresentState {
     pub(crate) generated: ID3D12Resource,
     pub(crate) next: u32,
     settings: Option<Settings>,
-    /// The last frame that was generated.
-    last: u64,
     /// No frame was generated since generation was turned on.
     starts: bool,
-    interface: Option<(TextureArg, bool)>,
+    interface: Option<InterfaceArg>,
     /// Number of presents of the real swap chain.
     pub(crate) shown: u64,
     /// The host has waited for pending presents since generation was turned on or off.
@@ -255,7 +253,6 @@ impl FakeSwapchain {
                 generated,
                 next: 0,
                 settings: None,
-                last: 0,
                 starts: true,
                 interface: None,
                 shown: 0,
@@ -288,7 +285,7 @@ impl FakeSwapchain {
     }
 
     /// Sets the interface drawn over frames.
-    pub(crate) fn set_interface(&self, interface: Option<(TextureArg, bool)>) {
+    pub(crate) fn set_interface(&self, interface: Option<InterfaceArg>) {
         self.state().interface = interface;
     }
 
@@ -321,32 +318,29 @@ impl FakeSwapchain {
             // SAFETY: a live swap chain.
             return unsafe { self.real.Present(sync, flags) }.ok();
         }
-        let (settings, color, generated, starts, last) = {
+        let (settings, color, generated, starts) = {
             let now = self.state();
-            (now.settings, now.buffers[now.next as usize].clone(), now.generated.clone(), now.starts, now.last)
+            (now.settings, now.buffers[now.next as usize].clone(), now.generated.clone(), now.starts)
         };
-        if let Some(settings) = settings.filter(|settings| settings.enabled) {
-            if settings.frame == last {
-                Library::handle("present", |library| {
-                    library.report_violation("present", &format!("frame {last} is presented again, unprepared"), OK)
-                });
-            } else if let Some((code, list)) = self.generate(&settings, &color, &generated, starts)? {
-                if code == OK {
-                    self.run(&list)?;
-                } else {
-                    // As AMD's swap chain does.
-                    let why = "the callback failed, so its list stays open, and its output is shown as it is";
-                    Library::handle("present", |library| library.report_violation("present", why, OK));
-                }
-                let mut now = self.state();
-                (now.starts, now.last) = (false, settings.frame);
-                drop(now);
-                self.show((&generated, GENERATED_REST), "generated", settings.frame)?;
+        if let Some(settings) = settings.filter(|settings| settings.enabled)
+            // Also where the host has not prepared this frame: with the id of the last one.
+            && let Some((code, list)) = self.generate(&settings, &color, &generated, starts)?
+        {
+            if code == OK {
+                self.run(&list)?;
+            } else {
+                // As AMD's swap chain does.
+                let why = "the callback failed, so its list stays open, and its output is shown as it is";
+                Library::handle("present", |library| library.report_violation("present", why, OK));
             }
+            self.state().starts = false;
+            self.show((&generated, GENERATED_REST), "generated", settings.frame)?;
         }
         self.show((&color, REST), "real", settings.map_or(0, |settings| settings.frame))?;
         let mut now = self.state();
         now.next = (now.next + 1) % now.buffers.len() as u32;
+        // AMD's swap chain copies it once, and forgets it.
+        now.interface = now.interface.filter(|interface| !interface.copied);
         Ok(())
     }
 
@@ -419,7 +413,7 @@ impl FakeSwapchain {
     fn show(&self, picture: (&ID3D12Resource, D3D12_RESOURCE_STATES), what: &str, frame: u64) -> Result<()> {
         let mut pixels = self.read(picture.0, picture.1)?;
         let interface = self.state().interface;
-        if let Some((arg, premultiplied)) = interface
+        if let Some(InterfaceArg { arg, premultiplied, .. }) = interface
             // SAFETY: checked to be a resource, which the host keeps until it sets another.
             && let Some(resource) = unsafe { ID3D12Resource::from_raw_borrowed(&arg.pointer) }
         {
@@ -592,11 +586,22 @@ fn placed(buffer: &ID3D12Resource, rows: D3D12_PLACED_SUBRESOURCE_FOOTPRINT) -> 
     }
 }
 
-/// The interface's texture, and whether its alpha is premultiplied.
+/// The interface drawn over frames.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct InterfaceArg {
+    arg: TextureArg,
+    /// Its colours are premultiplied by its alpha.
+    premultiplied: bool,
+    /// It is copied within the next present.
+    copied: bool,
+}
+
+/// The interface of a configure call; `None` for none.
 ///
 /// # Safety
 /// A struct with a resource at 16 and flags at 64.
-pub(crate) unsafe fn interface(head: *const u8) -> Option<(TextureArg, bool)> {
+pub(crate) unsafe fn interface(head: *const u8) -> Option<InterfaceArg> {
     // SAFETY: the caller's promise.
-    unsafe { texture_arg(head, 16).map(|arg| (arg, get::<u32>(head, 64) & 1 != 0)) }
+    let (arg, flags) = unsafe { (texture_arg(head, 16)?, get::<u32>(head, 64)) };
+    Some(InterfaceArg { arg, premultiplied: flags & 1 != 0, copied: flags & 2 != 0 })
 }
