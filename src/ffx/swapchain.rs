@@ -398,7 +398,7 @@ impl Swapchain {
             return refuse("AMD's swap chain has no word for its state");
         };
         if let Some(why) = Resource::of(given.resource, state).fault(size) {
-            return refuse(&why);
+            return refuse(why);
         }
         let mut flags = InterfaceFlags::empty();
         flags.set(InterfaceFlags::PREMULTIPLIED, *premultiplied);

@@ -101,22 +101,26 @@ unsafe fn forward(callback_data: &CallbackData, request: &mut DispatchFrameGener
 /// # Safety
 /// The list is open, and the textures are live and in the stated states.
 unsafe fn repeat_frame(request: &DispatchFrameGeneration) -> Option<()> {
-    // SAFETY: the caller's promise, here and below.
+    // SAFETY: the caller's promise.
     let list = unsafe { ID3D12GraphicsCommandList::from_raw_borrowed(&request.command_list) }?;
+    // SAFETY: as above.
     let (frame, state) = unsafe { texture(&request.present_color) }?;
     let kind = |texture: &ID3D12Resource| {
         let D3D12_RESOURCE_DESC { Dimension, Width, Height, DepthOrArraySize, MipLevels, Format, SampleDesc, .. } =
+            // SAFETY: as above.
             unsafe { texture.GetDesc() };
         (Dimension, Width, Height, DepthOrArraySize, MipLevels, Format, SampleDesc)
     };
     let outputs = request.outputs.get(..request.frames as usize)?;
     for output in outputs {
+        // SAFETY: as above.
         let (output, _) = unsafe { texture(output) }?;
         if kind(output) != kind(frame) {
             return None;
         }
     }
     let (read, written) = (D3D12_RESOURCE_STATE_COPY_SOURCE, D3D12_RESOURCE_STATE_COPY_DEST);
+    // SAFETY: as above.
     unsafe {
         list.ResourceBarrier(&[transition(frame, state, read)]);
         for output in outputs {
