@@ -278,7 +278,12 @@ impl Recorder {
                 lists.extend(last);
                 self.gpu.anchors().submit(&lists)
             }
-            Err(e) => Err(failed_on(self.gpu.device(), "ID3D12GraphicsCommandList::Close", &e)),
+            Err(e) => {
+                // The list is recorded anew next, for which it must not be open.
+                // SAFETY: a list that may be open.
+                _ = unsafe { self.list.Close() };
+                Err(failed_on(self.gpu.device(), "ID3D12GraphicsCommandList::Close", &e))
+            }
         };
         if let Some(next) = self.next.take() {
             std::mem::swap(&mut self.list, &mut self.other);
