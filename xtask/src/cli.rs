@@ -143,7 +143,7 @@ pub(crate) struct TestOptions {
     /// Show the runners, what each does and how long the thorough parts take, and run none
     #[arg(long)]
     pub(crate) list: bool,
-    /// Run only runners whose name holds one of these words
+    /// Run only runners whose name holds one of these words; a whole name chooses that runner alone
     #[arg(value_name = "FILTER")]
     pub(crate) filters: Vec<String>,
 }

@@ -141,10 +141,7 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
         return Err(format!("no runner's name holds {filter:?}. There are {names}; with --thorough also {thorough}"));
     }
     let commit = if options.record { Some(thorough_record::commit(workspace)?) } else { None };
-    let is_chosen = |runner: &&Runner| {
-        options.filters.is_empty() || options.filters.iter().any(|filter| runner.name.contains(filter.as_str()))
-    };
-    let chosen: Vec<&Runner> = all.into_iter().filter(is_chosen).collect();
+    let chosen = chosen(all, &options.filters);
     if options.filters.is_empty() {
         disk_space::require(workspace)?;
     }
@@ -170,6 +167,16 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
     outcomes.sort_by_key(|outcome| outcome.place);
     outcomes.extend(session.run(parts())?);
     Ok(report(outcomes))
+}
+
+/// The runners whose names hold one of the words; of a runner's whole name, that runner alone. All, if there are no words.
+fn chosen<'a>(all: Vec<&'a Runner>, words: &[String]) -> Vec<&'a Runner> {
+    let is_name = |word: &String| all.iter().any(|runner| runner.name == word);
+    let fits = |runner: &Runner, word: &String| match is_name(word) {
+        true => runner.name == word,
+        false => runner.name.contains(word.as_str()),
+    };
+    all.iter().filter(|runner| words.is_empty() || words.iter().any(|word| fits(runner, word))).copied().collect()
 }
 
 /// Prints failures with their logs, a table of the runners, and what was skipped; returns whether nothing failed.
@@ -210,4 +217,20 @@ fn describe_failures(Outcome { name, tally, log, .. }: &Outcome) -> String {
         _ = writeln!(text, "{name} failed: {failure}");
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_whole_name_chooses_one_runner_and_a_part_all_that_hold_it() {
+        let of = |word: &str| -> Vec<&str> {
+            let all = runners().chain(parts()).collect();
+            chosen(all, &[word.to_owned()]).iter().map(|runner| runner.name).collect()
+        };
+        assert_eq!(of("recorder"), ["recorder"]);
+        assert_eq!(of("recorder-"), ["recorder-all", "recorder-amd"]);
+        assert_eq!(of("faults-amd"), ["faults-amd"]);
+    }
 }
