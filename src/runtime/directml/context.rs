@@ -249,10 +249,7 @@ impl DirectMlContext {
     /// Fills a buffer with zeroes, including the padding of its last 32-bit word, which shaders read.
     pub(super) fn clear_buffer(&mut self, buffer: BufferId) -> Result<()> {
         let buffer = &self.buffers[buffer.0];
-        let bytes = buffer.bytes.next_multiple_of(size_of::<u32>());
-        let regions = (0..bytes).step_by(ZEROES);
-        let regions = regions.map(|at| Region { to: at, from: 0, len: ZEROES.min(bytes - at) });
-        self.recorder.get_mut().copy_from_upload(&buffer.resource, self.zeroes.resource(), regions)
+        self.recorder.get_mut().copy_from_upload(&buffer.resource, self.zeroes.resource(), zeroed_regions(buffer.bytes))
     }
 
     /// Makes buffers and weights resident for everything submitted from now on: all of them or none.
@@ -297,6 +294,12 @@ impl DirectMlContext {
     }
 }
 
+/// The copies from the buffer of zeroes that clear a buffer of `bytes`.
+fn zeroed_regions(bytes: usize) -> impl Iterator<Item = Region> {
+    let bytes = bytes.next_multiple_of(size_of::<u32>());
+    (0..bytes).step_by(ZEROES).map(move |at| Region { to: at, from: 0, len: ZEROES.min(bytes - at) })
+}
+
 impl ExecutionContext for DirectMlContext {
     fn buffer(&mut self, bytes: usize) -> Result<BufferId> {
         self.make_resident()?;
@@ -304,7 +307,9 @@ impl ExecutionContext for DirectMlContext {
         self.residency.get_mut().add(&self.gpu, &made.resource)?;
         self.buffers.push(made);
         let made = BufferId(self.buffers.len() - 1);
-        self.clear_buffer(made)?;
+        let buffer = &self.buffers[made.0];
+        let regions = zeroed_regions(buffer.bytes).collect();
+        self.recorder.get_mut().clear_new(&buffer.resource, self.zeroes.resource(), regions)?;
         Ok(made)
     }
 

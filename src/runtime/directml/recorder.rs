@@ -29,6 +29,8 @@ pub(super) struct Recorder {
     pending: bool,
     /// Buffers that the open list uses, by address, with their current state.
     used: Vec<(usize, D3D12_RESOURCE_STATES)>,
+    /// Clearings of new buffers in the open list. If it is not submitted, they are recorded again: no later call repeats them.
+    clearings: Vec<Clearing>,
     /// Upload pages that the open list reads; `filled` bytes of the last are in use.
     pages: Vec<MappedBuffer>,
     filled: usize,
@@ -39,14 +41,22 @@ pub(super) struct Recorder {
     times: IntervalTimes,
 }
 
+/// The copies by which a new buffer is cleared.
+struct Clearing {
+    buffer: ID3D12Resource,
+    zeroes: ID3D12Resource,
+    regions: Vec<Region>,
+}
+
 impl Recorder {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
         let (list, allocator) = open(gpu)?;
         let (other, next) = open(gpu)?;
         let (gpu, next) = (gpu.clone(), Some(next));
-        let (used, pages, free) = (Vec::new(), Vec::new(), Vec::new());
+        let (used, pages, free, clearings) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let (in_flight, times) = (VecDeque::new(), IntervalTimes::new(&gpu)?);
-        Ok(Self { gpu, list, allocator, other, next, pending: false, used, pages, filled: 0, in_flight, free, times })
+        let (pending, filled) = (false, 0);
+        Ok(Self { gpu, list, allocator, other, next, pending, used, clearings, pages, filled, in_flight, free, times })
     }
 
     /// Writes `bytes` into `to` from byte `at` on; `bytes` may be reused at once.
@@ -103,6 +113,28 @@ impl Recorder {
         self.submit_if_written(to)?;
         self.regions(to, from, regions);
         Ok(())
+    }
+
+    /// Clears a new buffer from an upload buffer of zeroes, even if the next submissions fail.
+    pub(super) fn clear_new(
+        &mut self,
+        buffer: &ID3D12Resource,
+        zeroes: &ID3D12Resource,
+        regions: Vec<Region>,
+    ) -> Result<()> {
+        self.copy_from_upload(buffer, zeroes, regions.iter().copied())?;
+        self.clearings.push(Clearing { buffer: buffer.clone(), zeroes: zeroes.clone(), regions });
+        Ok(())
+    }
+
+    /// Starts an open list after one that was not submitted.
+    fn begin_again(&mut self) {
+        self.begin();
+        let clearings = std::mem::take(&mut self.clearings);
+        for Clearing { buffer, zeroes, regions } in &clearings {
+            self.regions(buffer, zeroes, regions.iter().copied());
+        }
+        self.clearings = clearings;
     }
 
     fn regions(&mut self, to: &ID3D12Resource, from: &ID3D12Resource, regions: impl Iterator<Item = Region>) {
@@ -225,7 +257,7 @@ impl Recorder {
         unsafe { self.list.Reset(&self.allocator, None) }
             .map_err(|e| failed("ID3D12GraphicsCommandList::Reset", &e))?;
         self.times.discard_open();
-        self.begin();
+        self.begin_again();
         Ok(())
     }
 
@@ -296,7 +328,13 @@ impl Recorder {
                 Err(_) => self.times.discard_open(),
             }
         }
-        self.begin();
+        match submitted {
+            Ok(_) => {
+                self.clearings.clear();
+                self.begin();
+            }
+            Err(_) => self.begin_again(),
+        }
         submitted
     }
 
