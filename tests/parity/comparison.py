@@ -152,15 +152,16 @@ class Trace:
             if self.steps[q].appended:
                 yield Deviation("appended latent", q, 0, relative(self.steps[q].latent, self.encoded(q)))
 
-    def displayed(self) -> Iterator[tuple[int, np.ndarray]]:
-        """For every picture at render size, in 8 bits: its latent, and the errors of its values in levels of 8 bits."""
+    def displayed(self) -> Iterator[tuple[int, float]]:
+        """For every picture at render size, in 8 bits: its latent, and its largest difference from the run's own picture, resized, in levels of
+        8 bits."""
         width, height = self.geometry.render
         for q in self.tested:
-            for i, picture in enumerate(self.decoded[0][q]):
+            for i, picture in enumerate(self[f"{q}.rgb"]):
                 exact = autoencoder.resize(picture, width, height).transpose(1, 2, 0) * 255
                 actual = self[f"{q}.shown.{i}"]
                 assert (actual[:, :, 3] == 255).all(), "pictures are opaque"
-                yield q, actual[:, :, :3] - exact
+                yield q, float(np.abs(actual[:, :, :3] - exact).max())
 
     def encoded(self, q: int) -> np.ndarray:
         """The latent of appended picture `q`: four equal pictures, stretched to the autoencoder's size."""

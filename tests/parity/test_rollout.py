@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cases import BOUND, CASES, PICTURES, WINDOW
+from cases import BOUND, CASES, F32, PICTURES, WINDOW
 from comparison import Runner, Trace, worst
 
 
@@ -86,13 +86,9 @@ def test_pictures_and_decoder_memories(run: Runner, case: str) -> None:
 @pytest.mark.parametrize("case", PICTURES)
 def test_pictures_as_they_are_shown(run: Runner, case: str) -> None:
     trace = run(**CASES[case])
-    decoder = 255 * bound(trace)
-    for latent, errors in trace.displayed():
-        # Rounding to whole levels errs by at most half a level, with this root mean square.
-        assert np.sqrt(np.mean(errors**2)) <= np.sqrt(1 / 12) + decoder, f"latent {latent}"
-        # The largest of n normally distributed errors is about this many times their root mean square.
-        largest = np.sqrt(2 * np.log(errors.size))
-        assert np.abs(errors).max() <= 0.5 + largest * decoder, f"latent {latent}"
+    # Half a level for rounding to 8 bits. A picture is resized in float32 also where the decoder's numbers are float16.
+    latent, levels = max(trace.displayed(), key=lambda found: found[1])
+    assert levels <= 0.5 + 255 * F32, f"latent {latent}"
 
 
 def test_steps_end_where_their_passes_lead(trace: Trace) -> None:
