@@ -165,6 +165,7 @@ impl Swapchain {
             prepared: AtomicU64::new(0),
             reset: AtomicU64::new(0),
             generated: AtomicU64::new(0),
+            repeated: AtomicU64::new(0),
             failed: AtomicU32::new(0),
             has_gap: AtomicBool::new(false),
         });
@@ -225,6 +226,11 @@ impl Swapchain {
     /// Number of frames generated so far.
     pub fn generated(&self) -> u64 {
         self.callback_data.generated.load(Ordering::Relaxed)
+    }
+
+    /// Number of frames so far that were shown twice, because their generation failed or they were not prepared.
+    pub fn repeated(&self) -> u64 {
+        self.callback_data.repeated.load(Ordering::Relaxed)
     }
 
     /// The last error that the generator returned within `Present`, if any. A frame whose generation fails is presented twice.
@@ -380,8 +386,8 @@ impl Swapchain {
     /// errors.
     pub fn set_interface(&mut self, interface: Option<Interface<'_>>) -> Result<()> {
         let next = interface.map(|interface| self.checked_interface(&interface)).transpose()?;
-        let picture = |interface: &Option<HeldInterface>| interface.as_ref().map(|held| held.picture.as_raw());
-        if self.interface.is_some() && picture(&self.interface) != picture(&next) {
+        let stays = |picture: &ID3D12Resource| next.as_ref().is_some_and(|next| next.picture == *picture);
+        if self.interface.as_ref().is_some_and(|held| !stays(&held.picture)) {
             self.wait()?;
         }
         self.configure_interface(next.as_ref())?;

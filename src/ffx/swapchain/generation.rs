@@ -25,6 +25,8 @@ pub(super) struct CallbackData {
     /// Id of the frame that resets the history; 0 for none.
     pub(super) reset: AtomicU64,
     pub(super) generated: AtomicU64,
+    /// Number of frames that were shown twice instead.
+    pub(super) repeated: AtomicU64,
     /// Return code of the last failed generation; 0 if none failed.
     pub(super) failed: AtomicU32,
     /// A frame was not generated since the last prepared one, so that the history has a gap.
@@ -58,20 +60,19 @@ pub(super) unsafe extern "C" fn generate(request: *mut DispatchFrameGeneration, 
     // AMD's swap chain also asks for a frame before one that was not prepared, with the id of the last one that was.
     let is_prepared = callback_data.prepared.swap(0, Ordering::Relaxed) == request.frame_id;
     // SAFETY: as above.
-    let code = if is_prepared { unsafe { forward(callback_data, request) } } else { ReturnCode::OK };
-    if code != ReturnCode::OK {
-        callback_data.failed.store(code.0, Ordering::Relaxed);
-    } else if is_prepared {
+    let code = if is_prepared { unsafe { forward(callback_data, request) } } else { ReturnCode::ERROR };
+    if code == ReturnCode::OK {
         callback_data.generated.fetch_add(1, Ordering::Relaxed);
         return code;
     }
+    if is_prepared {
+        callback_data.failed.store(code.0, Ordering::Relaxed);
+    }
     callback_data.has_gap.store(true, Ordering::Relaxed);
     // SAFETY: the library's struct; its list is open and its textures live during the callback.
-    match unsafe { repeat_frame(request) } {
-        Some(()) => ReturnCode::OK,
-        None if is_prepared => code,
-        None => ReturnCode::ERROR,
-    }
+    let is_repeated = unsafe { repeat_frame(request) }.is_some();
+    callback_data.repeated.fetch_add(is_repeated.into(), Ordering::Relaxed);
+    if is_repeated { ReturnCode::OK } else { code }
 }
 
 /// Has the generator record the frame.

@@ -1,7 +1,9 @@
 //! A swap chain that presents generated frames between the host's own, as AMD's does. The host draws into separate textures, and
 //! `Present` composes the shown pictures from them. Each present is kept: a line in `shown.txt`, and its pixels in `shown-N.rgba`.
 //!
-//! Unlike AMD's it is slow and simple: it waits for each frame, and the CPU composites the interface.
+//! Unlike AMD's it is slow and simple: it waits for each frame, and the CPU composites the interface. As AMD's does, by its published source (SDK
+//! 2.1, `FrameInterpolationSwapchainDX12.cpp`), it asks for a frame at each `Present`, shows the output whatever the callback returns, and forgets a
+//! copied interface. The test `amd_s_own_swap_chain_presents_generated_frames` finds the first and the last of these in AMD's own library.
 
 use std::ffi::c_void;
 use std::io::Write;

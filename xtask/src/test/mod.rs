@@ -121,16 +121,16 @@ impl Session<'_> {
 }
 
 /// Width of the column of runners' names.
-const NAME: usize = 22;
+const NAME_WIDTH: usize = 22;
 
 /// Runs the runners that `options` choose; returns whether nothing failed.
 pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, String> {
     if options.list {
-        runners().for_each(|runner| println!("{:NAME$}{}", runner.name, runner.what));
+        runners().for_each(|runner| println!("{:NAME_WIDTH$}{}", runner.name, runner.what));
         println!("\nWith --thorough only:");
         let record = Record::read(workspace)?;
         for part in THOROUGH {
-            println!("{:NAME$}{} ({})", part.runner.name, part.runner.what, record.duration(part));
+            println!("{:NAME_WIDTH$}{} ({})", part.runner.name, part.runner.what, record.duration(part));
         }
         return Ok(true);
     }
@@ -184,17 +184,17 @@ fn report(outcomes: Vec<Outcome>) -> bool {
     for outcome in outcomes.iter().filter(|outcome| !outcome.tally.failures.is_empty()) {
         println!("{}", describe_failures(outcome));
     }
-    println!("\n{:NAME$}{}{:>11}", "runner", Tally::column_heads(), "time");
+    println!("\n{:NAME_WIDTH$}{}{:>11}", "runner", Tally::column_heads(), "time");
     let mut skipped = String::new();
     let mut total = Tally::default();
     for Outcome { name, tally, seconds, .. } in outcomes {
-        println!("{name:NAME$}{}{seconds:>9.1} s", tally.columns());
+        println!("{name:NAME_WIDTH$}{}{seconds:>9.1} s", tally.columns());
         for skip in &tally.skips {
             _ = writeln!(skipped, "  {name}: {} ({})", skip.name, skip.reason);
         }
         total.add(tally);
     }
-    println!("{:NAME$}{}", "all", total.columns());
+    println!("{:NAME_WIDTH$}{}", "all", total.columns());
     if !skipped.is_empty() {
         println!("\nSkipped:\n{skipped}");
     }

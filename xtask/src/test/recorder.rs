@@ -148,17 +148,20 @@ pub(super) fn run_faults_frames(context: &Context<'_>, log: &mut Log) -> Result<
     run_faults(context, log, FAULTS_FRAMES, "1", &Amd::None)
 }
 
-/// Every call of AMD's libraries, and to Direct3D beneath them, fails: over doubles, and where this machine has AMD's own, over these.
+/// Every call of AMD's libraries, and to Direct3D beneath them, fails.
 pub(super) fn run_faults_amd(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    let mut tally = Tally::default();
-    context.with_and_without_amd(&mut tally, |amd| run_faults(context, log, FAULTS_AMD, "1", amd))?;
-    Ok(tally)
+    run_faults_over_amd(context, log, FAULTS_AMD)
 }
 
-/// The same for AMD's swap chain.
+/// Every call of AMD's swap chain, and to Direct3D beneath it, fails.
 pub(super) fn run_faults_amd_swapchain(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+    run_faults_over_amd(context, log, FAULTS_AMD_SWAPCHAIN)
+}
+
+/// Over doubles, and where this machine has AMD's own libraries, over these.
+fn run_faults_over_amd(context: &Context<'_>, log: &mut Log, tests: &str) -> Result<Tally, String> {
     let mut tally = Tally::default();
-    context.with_and_without_amd(&mut tally, |amd| run_faults(context, log, FAULTS_AMD_SWAPCHAIN, "1", amd))?;
+    context.with_and_without_amd(&mut tally, |amd| run_faults(context, log, tests, "1", amd))?;
     Ok(tally)
 }
 

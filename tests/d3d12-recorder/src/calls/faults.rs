@@ -54,9 +54,9 @@ const REMOVAL_ONLY: [&str; 2] = ["Signal", "Wait"];
 /// The number of the failing call at whose removal the queues' work was finished; 0 before.
 static FINISHED: Mutex<u64> = Mutex::new(0);
 
-/// Whether the device is removed. If so, its work is complete, as far as the program can know: another thread, such as that of DXGI's swap
-/// chain, may be in the call that removed it.
-fn is_removed() -> bool {
+/// Whether the device is removed. The first thread that learns so waits for its work, and all of it counts as complete: the call that removed
+/// the device may be one of another thread, such as that of DXGI's swap chain, and not be there yet.
+fn enter_removal() -> bool {
     let failing = FAILING.load(Ordering::SeqCst);
     let has_failed = failing > 0 && COUNT.load(Ordering::SeqCst) >= failing;
     let is_removed = IS_ARMED.load(Ordering::SeqCst) && IS_REMOVAL.load(Ordering::SeqCst) && has_failed;
@@ -86,7 +86,7 @@ impl Outcome for () {
 impl Outcome for u64 {
     fn injected(_: &str) -> Option<Self> {
         // A removed device's fences have the highest value.
-        is_removed().then_some(u64::MAX)
+        enter_removal().then_some(u64::MAX)
     }
 }
 
@@ -107,7 +107,7 @@ impl Outcome for HRESULT {
         if call < failing {
             return None;
         }
-        if is_removed() {
+        if enter_removal() {
             return Some(DXGI_ERROR_DEVICE_REMOVED);
         }
         let fails = !IS_REMOVAL.load(Ordering::SeqCst) && call == failing && !REMOVAL_ONLY.contains(&function);
@@ -143,7 +143,7 @@ static REASON: OnceLock<unsafe extern "system" fn(*mut c_void) -> HRESULT> = Onc
 /// `ID3D12Device::GetDeviceRemovedReason`, which names the removal that is simulated. It cannot fail.
 unsafe extern "system" fn removed_reason(this: *mut c_void) -> HRESULT {
     let _inside = Inside::enter();
-    if is_removed() {
+    if enter_removal() {
         return DXGI_ERROR_DEVICE_REMOVED;
     }
     let original = REASON.get().expect("the original function");
