@@ -2711,10 +2711,7 @@ typedef struct cairn_swapchain_pacing {
 typedef struct cairn_swapchain_statistics {
     /** sizeof(cairn_swapchain_statistics) */
     uint32_t struct_size;
-    /**
-     * Last error code of AMD's generator within Present, one of ffx-api's; 0 if it never failed. A frame whose generation fails is presented
-     * twice.
-     */
+    /** Last error code of AMD's generator within Present, one of ffx-api's; 0 if it never failed. */
     uint32_t failed;
     /** Frames generated. */
     uint64_t generated;
@@ -2732,6 +2729,10 @@ typedef struct cairn_swapchain_statistics {
     char generator[64];
     /** Provider of the swap chain, which presents frames. UTF-8. */
     char pacer[64];
+    /**
+     * Frames that were presented twice because no frame was generated before them: they were not prepared, or the generation failed.
+     */
+    uint64_t repeated;
 } cairn_swapchain_statistics;
 
 /** DXGI's own, declared so that its header is not needed. */

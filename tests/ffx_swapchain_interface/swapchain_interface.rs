@@ -245,7 +245,7 @@ fn a_host_presents_with_amd_s_swap_chain_from_every_source() {
         // SAFETY: a handle of ours.
         assert_eq!(unsafe { cairn_swapchain_wait(host.swapchain) }, CAIRN_OK);
         let figures = host.statistics();
-        assert_eq!((figures.generated, figures.failed), (4, 0));
+        assert_eq!((figures.generated, figures.repeated, figures.failed), (4, 0, 0));
         assert!(text_of(&figures.generator).starts_with("4.0.1"), "{}", text_of(&figures.generator));
         assert!(!text_of(&figures.pacer).is_empty() && figures.generator_bytes > 0 && figures.swapchain_bytes > 0);
         for frame in 1..4_i32 {
@@ -261,6 +261,11 @@ fn a_host_presents_with_amd_s_swap_chain_from_every_source() {
         drop(held);
         host.next();
         assert_eq!(host.statistics().generated, 5, "and it goes on");
+        assert_eq!(host.frame(None), CAIRN_OK);
+        // SAFETY: a handle of ours.
+        assert_eq!(unsafe { cairn_swapchain_wait(host.swapchain) }, CAIRN_OK);
+        let figures = host.statistics();
+        assert_eq!((figures.generated, figures.repeated), (5, 1), "a frame that was not prepared");
         host.end();
         assert_eq!(double.violations(), [""; 0], "{how:?}");
     }
@@ -389,10 +394,11 @@ fn interface_pacing_pauses_and_resizes_reach_the_library() {
     assert_eq!(host.frame(Some(&larger)), CAIRN_ERROR_INVALID_STATE, "{}", message());
     // SAFETY: as above.
     assert_eq!(unsafe { cairn_swapchain_fit(host.swapchain) }, CAIRN_OK, "{}", message());
-    let generated = host.statistics().generated;
+    let before = host.statistics();
     // The maximum render size follows the buffers' size.
     assert_eq!(host.frame(Some(&larger)), CAIRN_OK, "{}", message());
-    assert_eq!(host.statistics().generated, generated + 1);
+    let after = host.statistics();
+    assert_eq!((after.generated, after.repeated), (before.generated + 1, before.repeated));
     host.end();
     assert_eq!(double.violations(), [""; 0]);
 }
@@ -463,11 +469,12 @@ fn amd_s_own_swap_chain_works_through_the_c_interface() {
         let options = sized!(cairn_swapchain_options { provider: CAIRN_FSR_ANY });
         let mut host = Host::new(how, Some(&options));
         (0..4).for_each(|_| host.next());
+        assert_eq!(host.frame(None), CAIRN_OK);
         // SAFETY: a handle of ours.
         assert_eq!(unsafe { cairn_swapchain_wait(host.swapchain) }, CAIRN_OK);
         let figures = host.statistics();
         println!("{how:?}: {}, {} bytes", text_of(&figures.generator), figures.generator_bytes);
-        assert_eq!((figures.generated, figures.failed), (4, 0));
+        assert_eq!((figures.generated, figures.repeated, figures.failed), (4, 1, 0));
         let held = host.dxgi();
         // SAFETY: as above.
         assert_eq!(unsafe { cairn_swapchain_destroy(host.swapchain) }, CAIRN_ERROR_BUSY);

@@ -426,6 +426,7 @@ class SwapchainStatistics(Sized):
         ("swapchain_aliasable_bytes", c_uint64),
         ("generator", c_char * 64),
         ("pacer", c_char * 64),
+        ("repeated", c_uint64),
     ]
 
 

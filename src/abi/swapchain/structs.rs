@@ -163,8 +163,7 @@ describe!(cairn_swapchain_pacing, [], { struct_size, flags, safety_margin_ms, va
 pub struct cairn_swapchain_statistics {
     /// sizeof(cairn_swapchain_statistics)
     pub struct_size: u32,
-    /// Last error code of AMD's generator within Present, one of ffx-api's; 0 if it never failed. A frame whose generation fails is presented
-    /// twice.
+    /// Last error code of AMD's generator within Present, one of ffx-api's; 0 if it never failed.
     pub failed: u32,
     /// Frames generated.
     pub generated: u64,
@@ -180,10 +179,12 @@ pub struct cairn_swapchain_statistics {
     pub generator: [std::ffi::c_char; 64],
     /// Provider of the swap chain, which presents frames. UTF-8.
     pub pacer: [std::ffi::c_char; 64],
+    /// Frames that were presented twice because no frame was generated before them: they were not prepared, or the generation failed.
+    pub repeated: u64,
 }
-describe!(cairn_swapchain_statistics, [], {
+describe!(cairn_swapchain_statistics, [176], {
     struct_size, failed, generated, generator_bytes, generator_aliasable_bytes, swapchain_bytes, swapchain_aliasable_bytes,
-    generator, pacer,
+    generator, pacer, repeated,
 });
 
 pub(super) fn check_flags(flags: u32, known: u32, name: &str) -> Outcome<()> {

@@ -230,6 +230,7 @@ impl SwapchainObject {
             swapchain_aliasable_bytes,
             generator: fixed_text(&generator),
             pacer: fixed_text(&self.swapchain.pacer().version.to_string()),
+            repeated: self.swapchain.repeated(),
         })
     }
 }
