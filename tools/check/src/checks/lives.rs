@@ -54,6 +54,7 @@ fn come_back(engine: &Engine, wanted: [u32; 3]) -> bool {
 
 /// A rollout's device is removed; a new one works.
 pub(super) fn removal(settings: &Settings) -> Checked {
+    let state = seed::starting_state(settings)?;
     let ort = Ort::find(&settings.libraries())?;
     let adapter = settings.gpu()?.luid();
     let engine = Engine::of(&Gpu::on_adapter(Some(adapter))?);
@@ -62,7 +63,7 @@ pub(super) fn removal(settings: &Settings) -> Checked {
         let gpu = Gpu::of_engine(&engine.device, &engine.direct, Some(&engine.compute))?;
         let device = Device::directml(&ort, &gpu, DirectMlOptions::default())?;
         let world = seed::world(&device, Precision::F16)?;
-        let mut rollout = seed::rollout(&world)?;
+        let mut rollout = seed::restored(&world, &state)?;
         seed::walk(&mut rollout, 0..1)?;
         let removed = remove(&gpu);
         if !removed.as_ref().is_err_and(|e| e.kind() == ErrorKind::DeviceRemoved) {
@@ -86,7 +87,7 @@ pub(super) fn removal(settings: &Settings) -> Checked {
     let are_released = come_back(&engine, before);
     drop(engine);
     let again = Device::directml(&ort, &Gpu::on_adapter(Some(adapter))?, DirectMlOptions::default())?;
-    let mut rollout = seed::rollout(&seed::world(&again, Precision::F16)?)?;
+    let mut rollout = seed::restored(&seed::world(&again, Precision::F16)?, &state)?;
     seed::walk(&mut rollout, 0..1)?;
     Ok(Finding::judge(
         are_released,
@@ -109,21 +110,22 @@ fn create_device(ort: &Ort, engine: &Engine) -> Result<()> {
 }
 
 /// A world on such a device, with a rollout that makes a latent.
-fn use_world(ort: &Ort, engine: &Engine) -> std::result::Result<(), Finding> {
+fn use_world(ort: &Ort, engine: &Engine, state: &[u8]) -> std::result::Result<(), Finding> {
     let gpu = Gpu::of_engine(&engine.device, &engine.direct, Some(&engine.compute))?;
     let device = Device::directml(ort, &gpu, DirectMlOptions::default())?;
-    let mut rollout = seed::rollout(&seed::world(&device, Precision::F16)?)?;
+    let mut rollout = seed::restored(&seed::world(&device, Precision::F16)?, state)?;
     Ok(seed::walk(&mut rollout, 0..1)?)
 }
 
 /// Devices one after the other on one engine's device, in turn with the same system calls without Cairn: drivers keep memory of both.
 pub(super) fn lives(settings: &Settings) -> Checked {
     let count = if settings.quick { 20 } else { 200 } / TURNS;
+    let state = seed::starting_state(settings)?;
     let ort = Ort::find(&settings.libraries())?;
     let engine = Engine::of(&settings.gpu()?);
     // Drivers keep some objects from the first work on.
     if !settings.quick {
-        use_world(&ort, &engine)?;
+        use_world(&ort, &engine, &state)?;
     }
     let before = reference_counts(&engine);
     let released = |what: &str| -> std::result::Result<(), Finding> {
@@ -157,7 +159,7 @@ pub(super) fn lives(settings: &Settings) -> Checked {
         beyond.push(own - system.max(0) * 5 / 4);
     }
     let took = began.elapsed();
-    use_world(&ort, &engine)?;
+    use_world(&ort, &engine, &state)?;
     released("a world")?;
     beyond.sort_unstable();
     let grown = beyond[beyond.len() / 2];

@@ -3,7 +3,6 @@
 use cairn::bundle::Precision;
 use cairn::framegen::cpu::CpuGenerator;
 use cairn::runtime::{CpuOptions, Device, Ort};
-use cairn::world::Rollout;
 
 use super::{Settings, seed, truth};
 use crate::finding::{Checked, Finding};
@@ -56,8 +55,7 @@ pub(super) fn world(settings: &Settings) -> Checked {
     let start = std::time::Instant::now();
     seed::walk(&mut first, 1..2)?;
     let took = start.elapsed().as_secs_f64() * 1e3;
-    let mut restored = Rollout::new(&world, &seed::point(&world), 1)?;
-    restored.restore(&saved)?;
+    let mut restored = seed::restored(&world, &saved)?;
     seed::walk(&mut restored, 1..2)?;
     let latent_is_finite = first.latent()?.iter().all(|v| v.is_finite());
     let wanted = seed::unaltered_bits(&mut first)?;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use cairn::bundle::Precision;
 use cairn::runtime::{CpuOptions, Device, DirectMlOptions, Ort};
-use cairn::world::{Rollout, World};
+use cairn::world::World;
 
 use super::{DRIVER, Settings, seed};
 use crate::finding::{Checked, Finding};
@@ -78,18 +78,18 @@ fn error(found: &[f32], truth: &[f32]) -> f64 {
 
 /// A saved state goes on with the same bits.
 pub(super) fn states(settings: &Settings) -> Checked {
+    let state = seed::starting_state(settings)?;
     let world = seed::world(&device(settings, deterministic())?, Precision::F16)?;
     let count = if settings.quick { 2 } else { 3 };
-    let mut first = seed::rollout(&world)?;
+    let mut first = seed::restored(&world, &state)?;
     seed::walk(&mut first, 0..1)?;
     let saved = first.save()?;
     seed::walk(&mut first, 1..count)?;
     let wanted = seed::unaltered_bits(&mut first)?;
-    let mut again = seed::rollout(&world)?;
+    let mut again = seed::restored(&world, &state)?;
     seed::walk(&mut again, 0..count)?;
     let repeats = seed::bits(&mut again)? == wanted;
-    let mut restored = Rollout::new(&world, &seed::point(&world), 1)?;
-    restored.restore(&saved)?;
+    let mut restored = seed::restored(&world, &saved)?;
     seed::walk(&mut restored, 1..count)?;
     let goes_on = seed::bits(&mut restored)? == wanted;
     let sentence = match (repeats, goes_on) {
@@ -102,12 +102,13 @@ pub(super) fn states(settings: &Settings) -> Checked {
 
 /// Captured passes give the bits of normal ones.
 pub(super) fn captured(settings: &Settings) -> Checked {
+    let state = seed::starting_state(settings)?;
     let device = device(settings, DirectMlOptions::default())?;
     let count = if settings.quick { 3 } else { 5 };
     let run = |captured_passes| -> Result<_, Finding> {
         device.set_directml_options(DirectMlOptions { captured_passes, ..DirectMlOptions::default() })?;
         let world = seed::world(&device, Precision::F16)?;
-        let mut rollout = seed::rollout(&world)?;
+        let mut rollout = seed::restored(&world, &state)?;
         seed::walk(&mut rollout, 0..count)?;
         let bits = if captured_passes == 0 { seed::unaltered_bits(&mut rollout)? } else { seed::bits(&mut rollout)? };
         Ok((bits, rollout.capture_statistics().unwrap_or_default()))
