@@ -58,6 +58,13 @@ fn a_state_of_another_device_goes_on_alike() {
         let error = relative_error(&go_on(&mut moved), &truth);
         let other = path.file_stem().expect("a name").to_string_lossy().into_owned();
         println!("{own} continues the state of {other}: a relative error of {error:e}");
-        assert!(if other == own { error == 0.0 } else { error > 0.0 && error <= BOUND }, "{other}: {error:e}");
+        let is_right = match other.split_once('-') {
+            _ if other == own => error == 0.0,
+            // Linux and Windows may run the same driver.
+            Some((kind, _)) if kind == device => error <= BOUND,
+            // Devices of two kinds never have the same bits.
+            _ => error > 0.0 && error <= BOUND,
+        };
+        assert!(is_right, "{other}: {error:e}");
     }
 }

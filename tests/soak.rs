@@ -1,6 +1,7 @@
 //! A long rollout: no window of latents after the warm-up leaves memory behind.
 #![cfg(target_os = "linux")] // The process's size is read from Linux's file system `/proc`.
 
+use cairn::runtime::DeviceKind;
 use test_support::process::MemoryBounds;
 use test_support::worlds::{controls, point, seeded, world};
 
@@ -8,6 +9,9 @@ use test_support::worlds::{controls, point, seeded, world};
 const WARM_UP: u64 = 80;
 
 const BOUNDS: MemoryBounds = MemoryBounds { window: 50, heap_per_item: 200, resident_per_window: 512 << 10 };
+
+/// In 1,200 latents by the WebGPU provider the heap went up and down by 35 KB, and once by 148 KB more.
+const BOUNDS_OF_WEBGPU: MemoryBounds = MemoryBounds { window: 20, heap_per_item: 200, resident_per_window: 64 << 10 };
 
 /// `cargo xtask test --thorough` asks for 2,000.
 fn latents() -> u64 {
@@ -21,8 +25,13 @@ fn a_long_rollout_uses_constant_memory() {
     for i in 0..WARM_UP {
         rollout.step(&controls(i)).expect("a step");
     }
-    let windows = BOUNDS.check(WARM_UP..WARM_UP + latents(), |i| {
-        rollout.step(&controls(i)).expect("a step");
-    });
-    println!("growth of heap and resident memory in each {} latents: {windows:?}", BOUNDS.window);
+    let range = WARM_UP..WARM_UP + latents();
+    let step = |i| drop(rollout.step(&controls(i)).expect("a step"));
+    if world.device().kind() == DeviceKind::WebGpu {
+        let windows = BOUNDS_OF_WEBGPU.check_median(range, step);
+        println!("growth of heap and resident memory in each {} latents: {windows:?}", BOUNDS_OF_WEBGPU.window);
+    } else {
+        let windows = BOUNDS.check(range, step);
+        println!("growth of heap and resident memory in each {} latents: {windows:?}", BOUNDS.window);
+    }
 }
