@@ -15,7 +15,9 @@ use std::ptr::null_mut;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
 use crate::locks::ReentrantMutex;
-use windows::Win32::Graphics::Direct3D12::{D3D12_COMMAND_LIST_TYPE_DIRECT, ID3D12GraphicsCommandList, ID3D12Resource};
+use windows::Win32::Graphics::Direct3D12::{
+    D3D12_COMMAND_LIST_TYPE_DIRECT, D3D12_RESOURCE_DESC, ID3D12GraphicsCommandList, ID3D12Resource,
+};
 use windows::Win32::Graphics::Dxgi::{
     DXGI_SWAP_CHAIN_DESC, DXGI_SWAP_CHAIN_DESC1, DXGI_SWAP_CHAIN_FULLSCREEN_DESC, IDXGISwapChain4,
 };
@@ -453,13 +455,17 @@ impl Swapchain {
             .map_err(|failure| self.gpu.or_removed(failure.error()))
     }
 
-    /// Adapts the generator to the size and format of the buffers. Call it after `ResizeBuffers`, before the next frame. If it
-    /// fails, frames are presented without generated ones until a later call succeeds.
+    /// Adapts the generator to the size and format of the buffers, and removes an interface of another size: AMD's swap chain would draw it on a
+    /// part of the frame. Call it after `ResizeBuffers`, before the next frame. If it fails, frames are presented without generated ones until a
+    /// later call succeeds.
     ///
     /// # Errors
     /// As [`new`](Self::new), for the generator.
     pub fn fit(&mut self) -> Result<()> {
         let size = self.size()?;
+        if self.interface.as_ref().is_some_and(|held| !same_size(texture_size(&held.picture), size)) {
+            self.set_interface(None)?;
+        }
         let format = SurfaceFormat::from_dxgi(self.description()?.Format.0.cast_unsigned());
         let fits =
             |made: &CreateFrameGeneration| same_size(made.display_size, size) && made.back_buffer_format == format;
@@ -567,6 +573,12 @@ fn create_pacing_context(
 
 fn same_size(a: Dimensions, b: Dimensions) -> bool {
     (a.width, a.height) == (b.width, b.height)
+}
+
+fn texture_size(texture: &ID3D12Resource) -> Dimensions {
+    // SAFETY: a live resource.
+    let D3D12_RESOURCE_DESC { Width: width, Height: height, .. } = unsafe { texture.GetDesc() };
+    Dimensions { width: width as u32, height }
 }
 
 fn head_of(options: &SwapchainOptions, (width, height): (u32, u32), format: SurfaceFormat) -> CreateFrameGeneration {

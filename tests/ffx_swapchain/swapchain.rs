@@ -271,12 +271,17 @@ fn generation_is_paused_and_goes_on() {
     assert_eq!(double.violations(), [""; 0]);
 }
 
-fn resized_buffers_get_a_new_generator() {
+fn resized_buffers_get_a_new_generator_and_lose_their_interface() {
+    const GREEN: [u8; 4] = [0, 200, 40, 255];
     let _alone = one_at_a_time();
     let (double, library) = set_up_double(&["sdk 2.0", ANALYTIC_20]);
     let mut show = WindowedEngine::new(How::New, &library).expect("a swap chain");
     (0..3).for_each(|_| show.frame(true).expect("presented"));
     let size = Dimensions { width: 160, height: 80 };
+    let interface = Textures::new(&show.gpu, SIZE);
+    interface.fill(&interface.color, |_, _| [200, 40, 0, 255]);
+    let overlay = Interface { picture: interface.color.with_state(), premultiplied: false, copied: false };
+    show.swapchain.set_interface(Some(overlay)).expect("told");
     show.swapchain.pause().expect("paused");
     // SAFETY: a live swap chain whose buffers nobody holds.
     unsafe {
@@ -299,6 +304,7 @@ fn resized_buffers_get_a_new_generator() {
     show.swapchain.fit().expect("it fits already");
     let before = shown(&double).len();
     let color = Textures::new(&show.gpu, size);
+    color.fill(&color.color, |_, _| GREEN);
     for _ in 0..2 {
         let dxgi = show.swapchain.dxgi().clone();
         // SAFETY: a live swap chain.
@@ -314,7 +320,9 @@ fn resized_buffers_get_a_new_generator() {
         unsafe { dxgi.Present(0, DXGI_PRESENT(0)) }.ok().expect("presented");
     }
     assert_eq!(shown(&double).len() - before, 4);
-    assert_eq!(pixels(&double, before + 3).len(), 160 * 80);
+    let last = pixels(&double, before + 3);
+    assert_eq!(last.len(), 160 * 80);
+    assert!(last.iter().all(|pixel| *pixel == GREEN), "the interface of the size before is gone");
     drop(show);
     assert_eq!(double.violations(), [""; 0]);
 }
@@ -482,7 +490,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         always: generated_frames_are_presented_with_every_swap_chain_source,
         an_interface_is_drawn_over_real_and_generated_frames,
         generation_is_paused_and_goes_on,
-        resized_buffers_get_a_new_generator,
+        resized_buffers_get_a_new_generator_and_lose_their_interface,
         an_unsuitable_swap_chain_is_refused_and_unchanged,
         a_frame_whose_generation_fails_is_shown_twice,
         the_double_detects_a_wrong_order_of_calls,
