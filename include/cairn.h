@@ -2903,8 +2903,8 @@ CAIRN_API cairn_result cairn_swapchain_pause(cairn_swapchain *swapchain);
 CAIRN_API cairn_result cairn_swapchain_wait(cairn_swapchain *swapchain);
 
 /**
- * Adapts to the current size and format of the buffers: call it after ResizeBuffers, before the next frame is prepared. After a
- * failure no frames are generated until it succeeds.
+ * Adapts to the current size and format of the buffers: call it after ResizeBuffers, before the next frame is prepared. An interface of
+ * another size is removed. After a failure no frames are generated until it succeeds.
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
