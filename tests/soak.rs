@@ -26,7 +26,9 @@ fn a_long_rollout_uses_constant_memory() {
         rollout.step(&controls(i)).expect("a step");
     }
     let range = WARM_UP..WARM_UP + latents();
-    let step = |i| drop(rollout.step(&controls(i)).expect("a step"));
+    let step = |i| {
+        rollout.step(&controls(i)).expect("a step");
+    };
     if world.device().kind() == DeviceKind::WebGpu {
         let windows = BOUNDS_OF_WEBGPU.check_median(range, step);
         println!("growth of heap and resident memory in each {} latents: {windows:?}", BOUNDS_OF_WEBGPU.window);
