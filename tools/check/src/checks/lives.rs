@@ -12,7 +12,7 @@ use gpu_testing::engine::{Engine, reference_count};
 use gpu_testing::memory::memory;
 use gpu_testing::system_calls;
 
-use super::{DRIVER, Settings, seed};
+use super::{DRIVER, Settings, seed, world};
 use crate::finding::{Checked, Finding};
 
 /// Growth of the process in a turn, beyond that of the same system calls, that still passes, in bytes.
@@ -54,7 +54,7 @@ fn come_back(engine: &Engine, wanted: [u32; 3]) -> bool {
 
 /// A rollout's device is removed; a new one works.
 pub(super) fn removal(settings: &Settings) -> Checked {
-    let state = seed::starting_state(settings)?;
+    let state = world::starting_state(settings)?;
     let ort = Ort::find(&settings.libraries())?;
     let adapter = settings.gpu()?.luid();
     let engine = Engine::of(&Gpu::on_adapter(Some(adapter))?);
@@ -120,7 +120,7 @@ fn use_world(ort: &Ort, engine: &Engine, state: &[u8]) -> std::result::Result<()
 /// Devices one after the other on one engine's device, in turn with the same system calls without Cairn: drivers keep memory of both.
 pub(super) fn lives(settings: &Settings) -> Checked {
     let count = if settings.quick { 20 } else { 200 } / TURNS;
-    let state = seed::starting_state(settings)?;
+    let state = world::starting_state(settings)?;
     let ort = Ort::find(&settings.libraries())?;
     let engine = Engine::of(&settings.gpu()?);
     // Drivers keep some objects from the first work on.

@@ -3,13 +3,12 @@
 use std::sync::Arc;
 
 use cairn::bundle::{Bundle, OpenOptions, Precision};
-use cairn::runtime::{CpuOptions, Device, Ort};
+use cairn::runtime::Device;
 use cairn::world::{
     CacheMode, ControlInput, Key, KeySet, OperatingPoint, Preset, Rollout, Schedule, World, WorldOptions,
 };
 use cairn::{Picture, Result};
 
-use super::Settings;
 use crate::finding::Finding;
 
 /// A binary PPM of 320 x 180 pixels: the start of the path through the level of the desert.
@@ -46,13 +45,6 @@ pub(super) fn rollout(world: &Arc<World>) -> Result<Rollout> {
     let mut rollout = Rollout::new(world, &point(world), 7)?;
     rollout.append(&place()?)?;
     Ok(rollout)
-}
-
-/// The saved state of a rollout in half floats that begins in the place, made by the processor: an emulated adapter takes as long to encode the
-/// picture and to prime the decoder as for four latents.
-pub(super) fn starting_state(settings: &Settings) -> std::result::Result<Vec<u8>, Finding> {
-    let device = Device::cpu(&Ort::find(&settings.libraries())?, CpuOptions { threads: None, deterministic: true })?;
-    Ok(rollout(&world(&device, Precision::F16)?)?.save()?)
 }
 
 /// A rollout that goes on from a saved state.

@@ -25,7 +25,7 @@ use gpu_testing::resources::{TestResource, run_list, upload_texture, writable_te
 use gpu_testing::textures::TextureDesc;
 use half::f16;
 
-use super::{DRIVER, Settings, fsr, seed};
+use super::{DRIVER, Settings, fsr, seed, world};
 use crate::finding::{Checked, Finding, Verdict};
 use crate::report::Figure;
 
@@ -69,7 +69,7 @@ pub(super) fn figures_of(what: &str, times: &[f64]) -> Vec<Figure> {
 
 /// A latent step by stage, with passes run anew and captured.
 pub(super) fn latents(settings: &Settings) -> Checked {
-    let state = seed::starting_state(settings)?;
+    let state = world::starting_state(settings)?;
     let gpu = settings.gpu()?;
     let device = Device::directml(&Ort::find(&settings.libraries())?, &gpu, DirectMlOptions::default())?;
     let (warm_up, steps) = if settings.quick { (2, 2) } else { (4, 60) };
@@ -368,7 +368,7 @@ impl SyntheticEngine<'_> {
 
 /// Frames of a synthetic engine at 60 and 120 Hz, with latents beside them and without.
 pub(super) fn engine(settings: &Settings) -> Checked {
-    let state = seed::starting_state(settings)?;
+    let state = world::starting_state(settings)?;
     let gpu = settings.gpu()?;
     let options = DirectMlOptions {
         captured_passes: 16,
