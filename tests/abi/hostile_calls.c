@@ -110,7 +110,7 @@ static int earlier_size(const struct shape *shape, uint32_t size)
         {sizeof(cairn_presenter_options), 72}, {sizeof(cairn_presenter_statistics), 304}, {sizeof(cairn_presenter_statistics), 376},
         {sizeof(cairn_presenter_statistics), 568}, {sizeof(cairn_device_info), 144}, {sizeof(cairn_world_options), 48},
         {sizeof(cairn_world_options), 56}, {sizeof(cairn_world_info), 336}, {sizeof(cairn_rollout_statistics), 120},
-        {sizeof(cairn_rollout_statistics), 216}};
+        {sizeof(cairn_rollout_statistics), 216}, {sizeof(cairn_swapchain_statistics), 176}};
     int found = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++) found |= shape->size == sizes[i][0] && size == sizes[i][1];
     return found;
