@@ -15,9 +15,7 @@ use std::ptr::null_mut;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
 use crate::locks::ReentrantMutex;
-use windows::Win32::Graphics::Direct3D12::{
-    D3D12_COMMAND_LIST_TYPE_DIRECT, D3D12_RESOURCE_DESC, ID3D12GraphicsCommandList, ID3D12Resource,
-};
+use windows::Win32::Graphics::Direct3D12::{D3D12_COMMAND_LIST_TYPE_DIRECT, ID3D12GraphicsCommandList, ID3D12Resource};
 use windows::Win32::Graphics::Dxgi::{
     DXGI_SWAP_CHAIN_DESC, DXGI_SWAP_CHAIN_DESC1, DXGI_SWAP_CHAIN_FULLSCREEN_DESC, IDXGISwapChain4,
 };
@@ -91,6 +89,7 @@ unsafe impl Send for Swapchain {}
 /// The interface that was set last.
 struct HeldInterface {
     picture: ID3D12Resource,
+    size: Dimensions,
     state: ResourceState,
     flags: InterfaceFlags,
 }
@@ -411,7 +410,7 @@ impl Swapchain {
         let mut flags = InterfaceFlags::empty();
         flags.set(InterfaceFlags::PREMULTIPLIED, *premultiplied);
         flags.set(InterfaceFlags::DOUBLE_BUFFERED, *copied);
-        Ok(HeldInterface { picture: given.resource.clone(), state, flags })
+        Ok(HeldInterface { picture: given.resource.clone(), size, state, flags })
     }
 
     /// Tells AMD's swap chain of an interface, which the caller holds until another is set.
@@ -463,7 +462,7 @@ impl Swapchain {
     /// As [`new`](Self::new), for the generator.
     pub fn fit(&mut self) -> Result<()> {
         let size = self.size()?;
-        if self.interface.as_ref().is_some_and(|held| !same_size(texture_size(&held.picture), size)) {
+        if self.interface.as_ref().is_some_and(|held| !same_size(held.size, size)) {
             self.set_interface(None)?;
         }
         let format = SurfaceFormat::from_dxgi(self.description()?.Format.0.cast_unsigned());
@@ -573,12 +572,6 @@ fn create_pacing_context(
 
 fn same_size(a: Dimensions, b: Dimensions) -> bool {
     (a.width, a.height) == (b.width, b.height)
-}
-
-fn texture_size(texture: &ID3D12Resource) -> Dimensions {
-    // SAFETY: a live resource.
-    let D3D12_RESOURCE_DESC { Width: width, Height: height, .. } = unsafe { texture.GetDesc() };
-    Dimensions { width: width as u32, height }
 }
 
 fn head_of(options: &SwapchainOptions, (width, height): (u32, u32), format: SurfaceFormat) -> CreateFrameGeneration {
