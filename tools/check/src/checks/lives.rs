@@ -63,7 +63,7 @@ pub(super) fn removal(settings: &Settings) -> Checked {
         let gpu = Gpu::of_engine(&engine.device, &engine.direct, Some(&engine.compute))?;
         let device = Device::directml(&ort, &gpu, DirectMlOptions::default())?;
         let world = seed::world(&device, Precision::F16)?;
-        let mut rollout = seed::restored(&world, &state)?;
+        let mut rollout = seed::begin(&world, state.as_deref())?;
         seed::walk(&mut rollout, 0..1)?;
         let removed = remove(&gpu);
         if !removed.as_ref().is_err_and(|e| e.kind() == ErrorKind::DeviceRemoved) {
@@ -87,7 +87,7 @@ pub(super) fn removal(settings: &Settings) -> Checked {
     let are_released = come_back(&engine, before);
     drop(engine);
     let again = Device::directml(&ort, &Gpu::on_adapter(Some(adapter))?, DirectMlOptions::default())?;
-    let mut rollout = seed::restored(&seed::world(&again, Precision::F16)?, &state)?;
+    let mut rollout = seed::begin(&seed::world(&again, Precision::F16)?, state.as_deref())?;
     seed::walk(&mut rollout, 0..1)?;
     Ok(Finding::judge(
         are_released,
@@ -110,10 +110,10 @@ fn create_device(ort: &Ort, engine: &Engine) -> Result<()> {
 }
 
 /// A world on such a device, with a rollout that makes a latent.
-fn use_world(ort: &Ort, engine: &Engine, state: &[u8]) -> std::result::Result<(), Finding> {
+fn use_world(ort: &Ort, engine: &Engine, state: Option<&[u8]>) -> std::result::Result<(), Finding> {
     let gpu = Gpu::of_engine(&engine.device, &engine.direct, Some(&engine.compute))?;
     let device = Device::directml(ort, &gpu, DirectMlOptions::default())?;
-    let mut rollout = seed::restored(&seed::world(&device, Precision::F16)?, state)?;
+    let mut rollout = seed::begin(&seed::world(&device, Precision::F16)?, state)?;
     Ok(seed::walk(&mut rollout, 0..1)?)
 }
 
@@ -125,7 +125,7 @@ pub(super) fn lives(settings: &Settings) -> Checked {
     let engine = Engine::of(&settings.gpu()?);
     // Drivers keep some objects from the first work on.
     if !settings.quick {
-        use_world(&ort, &engine, &state)?;
+        use_world(&ort, &engine, state.as_deref())?;
     }
     let before = reference_counts(&engine);
     let released = |what: &str| -> std::result::Result<(), Finding> {
@@ -159,7 +159,7 @@ pub(super) fn lives(settings: &Settings) -> Checked {
         beyond.push(own - system.max(0) * 5 / 4);
     }
     let took = began.elapsed();
-    use_world(&ort, &engine, &state)?;
+    use_world(&ort, &engine, state.as_deref())?;
     released("a world")?;
     beyond.sort_unstable();
     let grown = beyond[beyond.len() / 2];

@@ -54,6 +54,12 @@ pub(super) fn restored(world: &Arc<World>, state: &[u8]) -> Result<Rollout> {
     Ok(rollout)
 }
 
+/// A rollout in the place: from a saved state if there is one, else it encodes the picture.
+#[cfg(windows)]
+pub(super) fn begin(world: &Arc<World>, state: Option<&[u8]>) -> Result<Rollout> {
+    state.map_or_else(|| rollout(world), |state| restored(world, state))
+}
+
 /// Makes the steps of a walk that turns.
 pub(super) fn walk(rollout: &mut Rollout, steps: std::ops::Range<u64>) -> Result<()> {
     for i in steps {

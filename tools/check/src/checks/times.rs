@@ -78,7 +78,7 @@ pub(super) fn latents(settings: &Settings) -> Checked {
     for (name, captured_passes) in [("passes run anew", 0), ("captured passes", 16)] {
         device.set_directml_options(DirectMlOptions { captured_passes, ..DirectMlOptions::default() })?;
         let world = seed::world(&device, Precision::F16)?;
-        let mut rollout = seed::restored(&world, &state)?;
+        let mut rollout = seed::begin(&world, state.as_deref())?;
         // Passes are captured and verified meanwhile.
         seed::walk(&mut rollout, 0..warm_up)?;
         rollout.latent()?;
@@ -307,14 +307,11 @@ pub(super) fn memory(settings: &Settings) -> Checked {
             "Use Windows 10 or 11 with a WDDM 2 driver",
         )
     };
+    let state = world::starting_state(settings)?;
     let before = gpu.budget()?.ok_or_else(unknown)?;
     let device = Device::directml(&Ort::find(&settings.libraries())?, &gpu, DirectMlOptions::default())?;
     let world = seed::world(&device, Precision::F16)?;
-    // An emulated adapter takes long to encode a picture, and its memory shows nothing of a graphics adapter.
-    let mut rollout = match settings.emulation(&gpu) {
-        None => seed::rollout(&world)?,
-        Some(_) => seed::restored(&world, &world::starting_state(settings)?)?,
-    };
+    let mut rollout = seed::begin(&world, state.as_deref())?;
     seed::walk(&mut rollout, 0..1)?;
     let with_world = gpu.budget()?.ok_or_else(unknown)?;
     let (name, size) = sizes(settings, &gpu)[0];
@@ -397,7 +394,7 @@ pub(super) fn engine(settings: &Settings) -> Checked {
         let blends = ((interval.as_secs_f64() / 3.0 / one.max(1e-7)) as usize).clamp(1, 20_000);
         let engine = SyntheticEngine { gpu: &gpu, blend, blends, interval };
         let alone = engine.frames(duration);
-        let (beside, latents) = beside_latents(&world, &state, warm_up, || engine.frames(duration))?;
+        let (beside, latents) = beside_latents(&world, state.as_deref(), warm_up, || engine.frames(duration))?;
         let [[_, alone_99, _], [_, beside_99, _]] = [&alone, &beside].map(|times| statistics(times));
         let limit = ms(interval);
         parts.push(format!("at {rate} Hz 99 of 100 frames take {alone_99:.1} ms alone and {beside_99:.1} ms beside {latents:.1} latents a second, of {limit:.1} ms"));
@@ -424,11 +421,11 @@ pub(super) fn engine(settings: &Settings) -> Checked {
 /// After `warm_up` latents, calls `frames` while a rollout makes latents at its rate, or as fast as it can; also returns the latents a second.
 fn beside_latents(
     world: &Arc<World>,
-    state: &[u8],
+    state: Option<&[u8]>,
     warm_up: u64,
     frames: impl FnOnce() -> Vec<f64>,
 ) -> Result<(Vec<f64>, f64), Finding> {
-    let mut rollout = seed::restored(world, state)?;
+    let mut rollout = seed::begin(world, state)?;
     seed::walk(&mut rollout, 0..warm_up)?;
     let (is_over, steps) = (AtomicBool::new(false), AtomicU64::new(0));
     std::thread::scope(|scope| {

@@ -19,11 +19,14 @@ pub(super) fn device(settings: &Settings, options: DirectMlOptions) -> Result<De
     Ok(Device::directml(&ort, &settings.gpu()?, options)?)
 }
 
-/// The saved state of a rollout in half floats that begins in the place, made by the processor: an emulated adapter takes as long to encode the
-/// picture and to prime the decoder as for four latents.
-pub(super) fn starting_state(settings: &Settings) -> Result<Vec<u8>, Finding> {
+/// For emulated adapters, the saved state of a rollout in half floats that begins in the place, made by the processor: such an adapter takes as long
+/// to encode the picture and to prime the decoder as for four latents.
+pub(super) fn starting_state(settings: &Settings) -> Result<Option<Vec<u8>>, Finding> {
+    if settings.emulation(&settings.gpu()?).is_none() {
+        return Ok(None);
+    }
     let device = Device::cpu(&Ort::find(&settings.libraries())?, CpuOptions { threads: None, deterministic: true })?;
-    Ok(seed::rollout(&seed::world(&device, Precision::F16)?)?.save()?)
+    Ok(Some(seed::rollout(&seed::world(&device, Precision::F16)?)?.save()?))
 }
 
 fn deterministic() -> DirectMlOptions {
@@ -88,12 +91,12 @@ pub(super) fn states(settings: &Settings) -> Checked {
     let state = starting_state(settings)?;
     let world = seed::world(&device(settings, deterministic())?, Precision::F16)?;
     let count = if settings.quick { 2 } else { 3 };
-    let mut first = seed::restored(&world, &state)?;
+    let mut first = seed::begin(&world, state.as_deref())?;
     seed::walk(&mut first, 0..1)?;
     let saved = first.save()?;
     seed::walk(&mut first, 1..count)?;
     let wanted = seed::unaltered_bits(&mut first)?;
-    let mut again = seed::restored(&world, &state)?;
+    let mut again = seed::begin(&world, state.as_deref())?;
     seed::walk(&mut again, 0..count)?;
     let repeats = seed::bits(&mut again)? == wanted;
     let mut restored = seed::restored(&world, &saved)?;
@@ -115,7 +118,7 @@ pub(super) fn captured(settings: &Settings) -> Checked {
     let run = |captured_passes| -> Result<_, Finding> {
         device.set_directml_options(DirectMlOptions { captured_passes, ..DirectMlOptions::default() })?;
         let world = seed::world(&device, Precision::F16)?;
-        let mut rollout = seed::restored(&world, &state)?;
+        let mut rollout = seed::begin(&world, state.as_deref())?;
         seed::walk(&mut rollout, 0..count)?;
         let bits = if captured_passes == 0 { seed::unaltered_bits(&mut rollout)? } else { seed::bits(&mut rollout)? };
         Ok((bits, rollout.capture_statistics().unwrap_or_default()))
