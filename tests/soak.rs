@@ -29,11 +29,10 @@ fn a_long_rollout_uses_constant_memory() {
     let step = |i| {
         rollout.step(&controls(i)).expect("a step");
     };
-    if world.device().kind() == DeviceKind::WebGpu {
-        let windows = BOUNDS_OF_WEBGPU.check_median(range, step);
-        println!("growth of heap and resident memory in each {} latents: {windows:?}", BOUNDS_OF_WEBGPU.window);
+    let (bounds, windows) = if world.device().kind() == DeviceKind::WebGpu {
+        (BOUNDS_OF_WEBGPU, BOUNDS_OF_WEBGPU.check_median(range, step))
     } else {
-        let windows = BOUNDS.check(range, step);
-        println!("growth of heap and resident memory in each {} latents: {windows:?}", BOUNDS.window);
-    }
+        (BOUNDS, BOUNDS.check(range, step))
+    };
+    println!("growth of heap and resident memory in each {} latents: {windows:?}", bounds.window);
 }

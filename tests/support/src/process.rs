@@ -27,8 +27,9 @@ fn heap_memory() -> u64 {
 /// Growth of the heap in bytes per item over a whole run, besides one window's. The smallest chunk has 32 bytes, so a leak in one item of 16 exceeds it.
 const HEAP_DRIFT: u64 = 2;
 
-/// Growth of the heap and of resident memory, in bytes, over a whole run whose windows may be uneven: what is allocated late, but once.
-const LATE_GROWTH: i64 = 2 << 20;
+/// Limit on the growth of heap and resident memory over a run that is judged by its median window, in bytes: something may be allocated once, at
+/// any time.
+const GROWTH_OF_RUN: i64 = 2 << 20;
 
 /// What a soak allows.
 pub struct MemoryBounds {
@@ -45,36 +46,48 @@ impl MemoryBounds {
     ///
     /// # Panics
     /// In the first window that grew by more than is allowed, and at the end if the whole run did.
-    pub fn check(&self, range: Range<u64>, mut item: impl FnMut(u64)) -> Vec<[u64; 2]> {
-        let memory = || [heap_memory(), resident_memory()];
-        let grown = |from: [u64; 2], to: [u64; 2]| [0, 1].map(|i| to[i].saturating_sub(from[i]));
-        let first = memory();
-        let (mut last, mut windows, mut at) = (first, Vec::new(), range.start);
-        while at < range.end {
-            let end = range.end.min(at + self.window);
-            (at..end).for_each(&mut item);
-            let now = memory();
-            let [heap, resident] = grown(last, now);
-            assert!(
-                heap <= self.heap_per_item * (end - at) && resident <= self.resident_per_window,
-                "items {at} to {end}: the heap grew by {heap} bytes and the resident memory by {resident}"
-            );
-            windows.push([heap, resident]);
-            (last, at) = (now, end);
-        }
-        let [heap, _] = grown(first, last);
+    pub fn check(&self, range: Range<u64>, item: impl FnMut(u64)) -> Vec<[i64; 2]> {
         let items = range.end - range.start;
+        let (windows, [heap, _]) = self.measure(range, item, |window, [heap, resident]| {
+            let allowed = self.heap_per_item * (window.end - window.start);
+            assert!(
+                heap <= allowed.cast_signed() && resident <= self.resident_per_window.cast_signed(),
+                "items {window:?}: the heap grew by {heap} bytes and the resident memory by {resident}"
+            );
+        });
         let allowed = self.heap_per_item * self.window + HEAP_DRIFT * items;
-        assert!(heap <= allowed, "the heap grew by {heap} bytes in {items} items: {windows:?}");
+        assert!(heap <= allowed.cast_signed(), "the heap grew by {heap} bytes in {items} items: {windows:?}");
         windows
     }
 
-    /// As [`check`](Self::check), but bounds the median of the windows, and their sum by a constant: for providers whose own threads give memory
-    /// back at their own times, and compile or allocate something late, but once. A leak in each item grows every window.
+    /// As [`check`](Self::check), but bounds the median window and the whole run, for providers whose own threads free memory at times of their own,
+    /// and which allocate something once at any time. A leak in each item grows every window.
     ///
     /// # Panics
-    /// At the end, if the median of the windows or the whole run grew by more than is allowed.
-    pub fn check_median(&self, range: Range<u64>, mut item: impl FnMut(u64)) -> Vec<[i64; 2]> {
+    /// At the end, if the median window or the whole run grew by more than is allowed.
+    pub fn check_median(&self, range: Range<u64>, item: impl FnMut(u64)) -> Vec<[i64; 2]> {
+        let (windows, run) = self.measure(range, item, |_, _| ());
+        let median = [0, 1].map(|i| {
+            let mut sorted: Vec<i64> = windows.iter().map(|window| window[i]).collect();
+            sorted.sort_unstable();
+            sorted[sorted.len() / 2]
+        });
+        let allowed = [self.heap_per_item * self.window, self.resident_per_window].map(u64::cast_signed);
+        let is_right = |i: usize| median[i] <= allowed[i] && run[i] <= GROWTH_OF_RUN;
+        assert!(
+            is_right(0) && is_right(1),
+            "the median window grew by {median:?} bytes, the run by {run:?}: {windows:?}"
+        );
+        windows
+    }
+
+    /// Growth of heap and resident memory in each window, which `window_done` gets as soon as it is known, and in the whole run.
+    fn measure(
+        &self,
+        range: Range<u64>,
+        mut item: impl FnMut(u64),
+        window_done: impl Fn(Range<u64>, [i64; 2]),
+    ) -> (Vec<[i64; 2]>, [i64; 2]) {
         let memory = || [heap_memory(), resident_memory()].map(u64::cast_signed);
         let grown = |from: [i64; 2], to: [i64; 2]| [0, 1].map(|i| to[i] - from[i]);
         let first = memory();
@@ -83,21 +96,10 @@ impl MemoryBounds {
             let end = range.end.min(at + self.window);
             (at..end).for_each(&mut item);
             let now = memory();
+            window_done(at..end, grown(last, now));
             windows.push(grown(last, now));
             (last, at) = (now, end);
         }
-        let median = [0, 1].map(|i| {
-            let mut sorted: Vec<i64> = windows.iter().map(|window| window[i]).collect();
-            sorted.sort_unstable();
-            sorted[sorted.len() / 2]
-        });
-        let allowed = [self.heap_per_item * self.window, self.resident_per_window].map(u64::cast_signed);
-        let whole = grown(first, last);
-        let is_right = |i: usize| median[i] <= allowed[i] && whole[i] <= LATE_GROWTH;
-        assert!(
-            is_right(0) && is_right(1),
-            "the median window grew by {median:?} bytes, the run by {whole:?}: {windows:?}"
-        );
-        windows
+        (windows, grown(first, last))
     }
 }
