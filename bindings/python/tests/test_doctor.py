@@ -73,8 +73,8 @@ def test_the_end_of_a_program_is_quiet_with_everything_open():
         "world = device.load_world(sys.argv[1])\n"
         "rollout = world.rollout()\n"
         "rollout.append(numpy.zeros((8, 8, 3), numpy.uint8))\n"
-        "tickets = [rollout.submit() for _ in range(4)]\n"
         "anchor = rollout.anchor()\n"
+        "tickets = [rollout.submit() for _ in range(4)]\n"
         "print(anchor.picture().shape)\n"
     )
     result = runtime.python("-X", "dev", "-c", program, str(runtime.need_worlds() / "tiny"))
