@@ -143,7 +143,12 @@ fn check(arguments: &Arguments, prefix: &[OsString]) -> Result<u8, String> {
     if machine.emulated {
         runner.patience = PATIENCE_WITH_EMULATION;
         runner.settings.quick = true;
+        runner.settings.starting_state = Some(out.join(format!("starting-state-{}.tmp", std::process::id())));
     }
+    let remove_starting_state =
+        || runner.settings.starting_state.iter().for_each(|file| _ = std::fs::remove_file(file));
+    // An ended program of the same number may have left one.
+    remove_starting_state();
     let at_once = checks_at_once(&machine);
     let mut report = Report {
         schema: SCHEMA,
@@ -156,7 +161,7 @@ fn check(arguments: &Arguments, prefix: &[OsString]) -> Result<u8, String> {
         checks: Vec::new(),
     };
     let progress = Progress::new(chosen.len());
-    let (queue, lines) = (CheckQueue::new(&chosen), mpsc::channel());
+    let (queue, lines) = (CheckQueue::new(&chosen, at_once), mpsc::channel());
     std::thread::scope(|scope| -> Result<(), String> {
         for _ in 0..at_once {
             let (to, runner, queue, progress) = (lines.0.clone(), &runner, &queue, &progress);
@@ -183,6 +188,7 @@ fn check(arguments: &Arguments, prefix: &[OsString]) -> Result<u8, String> {
         }
         Ok(())
     })?;
+    remove_starting_state();
     progress.finish();
     println!("\n{}", totals(&report));
     println!("{} and report.json beside it", out.join("report.html").display());
@@ -195,7 +201,8 @@ fn checks_at_once(machine: &Machine) -> usize {
     if machine.emulated && machine.threads > 1 { 2 } else { 1 }
 }
 
-/// Checks that have not started, in their order. Of two that run at a time only one may load a world, for which memory could be too small.
+/// Checks that have not started: in their order where one runs at a time. Of two that run at a time only one may load a world, for which memory
+/// could be too small; since those take the most time, they start first.
 struct CheckQueue {
     state: Mutex<QueueState>,
     changed: Condvar,
@@ -218,8 +225,12 @@ impl QueueState {
 }
 
 impl CheckQueue {
-    fn new(checks: &[&'static CheckDefinition]) -> Self {
-        let state = QueueState { remaining: checks.to_vec(), has_world: false };
+    fn new(checks: &[&'static CheckDefinition], at_once: usize) -> Self {
+        let mut remaining = checks.to_vec();
+        if at_once > 1 {
+            remaining.sort_by_key(|check| !check.has_world());
+        }
+        let state = QueueState { remaining, has_world: false };
         Self { state: Mutex::new(state), changed: Condvar::new() }
     }
 
@@ -317,12 +328,13 @@ mod tests {
 
     #[test]
     fn one_world_is_loaded_at_a_time_and_other_checks_run_beside_it() {
-        let chosen = chosen(&["directml", "states", "window"].map(str::to_owned)).expect("checks");
-        let queue = CheckQueue::new(&chosen);
+        let chosen = chosen(&["frames", "directml", "states"].map(str::to_owned)).expect("checks");
         let name = |check: Option<&CheckDefinition>| check.map(|check| check.name);
+        assert_eq!(name(CheckQueue::new(&chosen, 1).next()), Some("frames"));
+        let queue = CheckQueue::new(&chosen, 2);
         let first = queue.next().expect("a check");
         assert_eq!(first.name, "directml");
-        assert_eq!(name(queue.next()), Some("window"));
+        assert_eq!(name(queue.next()), Some("frames"));
         assert!(queue.state.lock().expect("no panic").take().is_none());
         queue.ended(first);
         assert_eq!((name(queue.next()), name(queue.next())), (Some("states"), None));

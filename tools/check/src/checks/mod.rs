@@ -108,6 +108,9 @@ pub struct Settings {
     /// Run fewer cases and measure for a shorter time
     #[arg(long)]
     pub quick: bool,
+    /// Where the checks of one run share the state with which their rollouts begin on an emulated adapter: the first to need it makes it
+    #[arg(long, hide = true, value_name = "FILE")]
+    pub starting_state: Option<PathBuf>,
 }
 
 impl Settings {
@@ -119,6 +122,9 @@ impl Settings {
         }
         if self.quick {
             arguments.push("--quick".into());
+        }
+        if let Some(file) = &self.starting_state {
+            arguments.extend(["--starting-state".into(), file.into()]);
         }
         arguments
     }

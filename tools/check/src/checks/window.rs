@@ -98,7 +98,11 @@ impl Drop for Window {
 /// Presents generated frames at each refresh of the display.
 pub(super) fn presents(settings: &Settings) -> Checked {
     let gpu = settings.gpu()?;
-    let count = if settings.quick { 60 } else { 480 };
+    let count = match settings.quick {
+        true if settings.emulation(&gpu).is_some() => 30,
+        true => 60,
+        false => 480,
+    };
     let no_display = |what: String| Finding::cannot_tell(what, "Run it in a session with a display");
     let window = Window::open().ok_or_else(|| no_display("No window can be opened".to_owned()))?;
     let chain = swap_chain(&gpu, &window).map_err(|e| no_display(format!("The window has no swap chain: {e}")))?;
