@@ -23,7 +23,8 @@ pub struct Camera {
     pub forward: [f32; 3],
     /// The near plane, above 0.
     pub near: f32,
-    /// The far plane, above 0; ignored if depth is infinite.
+    /// The far plane, above 0; ignored if depth is infinite. A far plane beyond a million near planes, or one so much nearer
+    /// than the near plane, counts as a million of them: that far, AMD's providers compute distances with a loss of all precision.
     pub far: f32,
     /// Vertical field of view in radians, inside (0, pi).
     pub fov: f32,
@@ -47,7 +48,19 @@ impl Default for Camera {
     }
 }
 
+/// Largest ratio of the planes that is passed to a provider. AMD's compute `far / (near - far)` in single precision, which is -1 from a ratio of
+/// 3e7 on, and then place what is as far as possible in front of everything (`setupDeviceDepthToViewSpaceDepthParams` of their published source).
+const MAX_PLANE_RATIO: f32 = 1e6;
+
 impl Camera {
+    /// The far plane for a provider. AMD's take the lesser of both planes for the near one, with infinite depth too.
+    pub(super) fn far_plane(&self, depth_is_infinite: bool) -> f32 {
+        if depth_is_infinite {
+            return f32::MAX;
+        }
+        self.far.clamp(self.near / MAX_PLANE_RATIO, (self.near * MAX_PLANE_RATIO).min(f32::MAX))
+    }
+
     pub(super) fn fault(&self, depth_is_infinite: bool) -> Option<(&'static str, &'static str)> {
         let is_positive = |value: f32| value.is_finite() && value > 0.0;
         let is_unit = |v: [f32; 3]| (v.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-2;
@@ -84,7 +97,8 @@ pub struct FrameParams {
     pub camera: Camera,
     /// Drops the history, as after a cut. The generated frame is then a copy of this one.
     pub reset: bool,
-    /// The part of the frame that is generated; the rest is copied. A size of 0 means all of it.
+    /// The part of the frame that is generated; the rest is copied. A size of 0 means all of it. Depth and motion cover this part and
+    /// nothing else: a provider maps the render size onto it.
     pub rect: Rect,
     /// The colours' transfer function: sRGB, or one for high dynamic range if the generator was created for it.
     pub transfer: TransferFunction,
@@ -125,7 +139,8 @@ pub struct Frame {
     /// Motion vectors from this frame to the previous one, at render size, or at display size if the generator was created so.
     /// Values that are not finite or larger than the picture can hang the device.
     pub motion: Resource,
-    /// The HUD-less frame at display size; a null resource for none.
+    /// The HUD-less frame at display size; a null resource for none, which is refused if the generator was created for HUD-less frames of
+    /// another format than frames'.
     pub hudless: Resource,
     /// Lens distortion field at display size: distorted minus undistorted position of each pixel, as a fraction of the picture; a
     /// null resource for none. Once one was given, every later frame needs one: a provider keeps using the last.
@@ -301,12 +316,13 @@ impl Generator {
         if !frame.distortion.resource.is_null() {
             self.settings.set(ConfigureDistortion { field: frame.distortion, ..Default::default() });
         }
+        let far = frame.params.camera.far_plane(made.flags.contains(CreateFlags::DEPTH_INFINITE));
         // SAFETY: the caller's promise about the list and the resources; the context is our own.
         unsafe {
             self.context.configure(&mut self.settings)?;
             match &mut self.prepare {
                 Prepare::Separate(chain) => {
-                    *chain.head_mut() = DispatchPrepare { flags: settings.flags, ..prepare_struct(frame, id) };
+                    *chain.head_mut() = DispatchPrepare { flags: settings.flags, ..prepare_struct(frame, id, far) };
                     if let Some(link) = chain.link_mut::<DispatchCamera>() {
                         let Camera { position, up, right, forward, .. } = frame.params.camera;
                         *link = DispatchCamera { position, up, right, forward, ..Default::default() };
@@ -315,7 +331,7 @@ impl Generator {
                 }
                 Prepare::Combined(chain) => {
                     *chain.head_mut() =
-                        DispatchPrepareV2 { flags: settings.flags, ..prepare_struct_v2(frame, id, reset) };
+                        DispatchPrepareV2 { flags: settings.flags, ..prepare_struct_v2(frame, id, reset, far) };
                     self.context.dispatch(chain)?;
                 }
             }
@@ -360,7 +376,7 @@ impl Generator {
     }
 }
 
-fn prepare_struct(frame: &Frame, frame_id: u64) -> DispatchPrepare {
+fn prepare_struct(frame: &Frame, frame_id: u64, far: f32) -> DispatchPrepare {
     DispatchPrepare {
         frame_id,
         command_list: frame.command_list,
@@ -369,7 +385,7 @@ fn prepare_struct(frame: &Frame, frame_id: u64) -> DispatchPrepare {
         motion_scale: frame.params.motion_scale,
         frame_time: frame.params.frame_time,
         camera_near: frame.params.camera.near,
-        camera_far: frame.params.camera.far,
+        camera_far: far,
         camera_fov: frame.params.camera.fov,
         metres: frame.params.camera.metres,
         depth: frame.depth,
@@ -378,7 +394,7 @@ fn prepare_struct(frame: &Frame, frame_id: u64) -> DispatchPrepare {
     }
 }
 
-fn prepare_struct_v2(frame: &Frame, frame_id: u64, reset: bool) -> DispatchPrepareV2 {
+fn prepare_struct_v2(frame: &Frame, frame_id: u64, reset: bool, far: f32) -> DispatchPrepareV2 {
     DispatchPrepareV2 {
         frame_id,
         command_list: frame.command_list,
@@ -388,7 +404,7 @@ fn prepare_struct_v2(frame: &Frame, frame_id: u64, reset: bool) -> DispatchPrepa
         frame_time: frame.params.frame_time,
         reset,
         camera_near: frame.params.camera.near,
-        camera_far: frame.params.camera.far,
+        camera_far: far,
         camera_fov: frame.params.camera.fov,
         metres: frame.params.camera.metres,
         depth: frame.depth,
@@ -449,7 +465,15 @@ fn fault(
             return Some((field, why));
         }
     }
-    if !frame.hudless.resource.is_null() && frame.hudless.description.format != hudless {
+    if frame.hudless.resource.is_null() {
+        // AMD's provider would copy the frame into textures of the other format.
+        if hudless != made.back_buffer_format {
+            return Some((
+                "hudless",
+                "the generator was made for HUD-less frames of another format than frames', and needs one",
+            ));
+        }
+    } else if frame.hudless.description.format != hudless {
         return Some(("hudless", "its format is not the one that the generator was made for"));
     }
     let numbers = [

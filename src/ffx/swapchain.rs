@@ -22,7 +22,7 @@ use windows::Win32::Graphics::Dxgi::{
 use windows::core::Interface as _;
 
 use super::bindings::{
-    ConfigureFrameGeneration, ConfigureInterface, ConfigureSwapchainKeyValue, CreateFrameGeneration,
+    ConfigureFrameGeneration, ConfigureInterface, ConfigureSwapchainKeyValue, CreateFlags, CreateFrameGeneration,
     CreateSwapchainForWindow, CreateSwapchainNew, CreateSwapchainWrap, Creates, Dimensions, DispatchWait, FrameFlags,
     InterfaceFlags, MemoryUsage, PacingTuning, QuerySwapchainMemory, RawContext, Resource, ResourceState, ReturnCode,
     SurfaceFormat, SwapchainKey,
@@ -30,7 +30,7 @@ use super::bindings::{
 use super::sanitised_motion::SanitisedMotion;
 use super::texture_generator::{READ, TextureGenerator, TextureOptions, motion_size_at, picture};
 use super::{Api, Chain, Choice, Context, Frame, FrameParams, Generator, Provider};
-use crate::gpu::compute::{CommandRing, ResourceWithState};
+use crate::gpu::compute::{CommandRing, ResourceWithState, compute_queue_knows};
 use crate::gpu::{Gpu, check_list, failed_on};
 use crate::{Error, ErrorKind, Result};
 pub(crate) use generation::is_presenting_thread;
@@ -49,7 +49,6 @@ pub struct Swapchain {
     /// Dropped first: it signals the fence that the ring waits for.
     presented: PresentFence,
     ring: CommandRing,
-    gpu: Gpu,
     api: Api,
     options: SwapchainOptions,
     motion: SanitisedMotion,
@@ -63,9 +62,11 @@ pub struct Swapchain {
     pacer: Box<dyn Pacer>,
     /// Structs that the pacer's creation chain points to.
     _creation_structs: Box<CreationStructs>,
+    /// After the swap chain, which holds no reference to its queue and signals it when it ends.
+    gpu: Gpu,
     interface: Option<HeldInterface>,
-    /// HUD-less pictures of this frame and the previous one, which `Present` may still read.
-    hudless: [Option<ID3D12Resource>; 2],
+    /// HUD-less pictures and distortion fields of this frame and the previous one, which `Present` may still read.
+    read_later: [[Option<ID3D12Resource>; 2]; 2],
     is_on: bool,
     /// Id of the last frame of the generators before.
     last_id: u64,
@@ -193,7 +194,7 @@ impl Swapchain {
             callback_data,
             _creation_structs: structs,
             interface: None,
-            hudless: [None, None],
+            read_later: Default::default(),
             is_on: false,
             last_id: 0,
             must_wait: false,
@@ -293,6 +294,10 @@ impl Swapchain {
             let state = state.ok_or_else(|| {
                 Error::new(ErrorKind::InvalidArgument, "AMD's swap chain has no word for its state").field(field)
             })?;
+            if made.flags.contains(CreateFlags::ASYNC_WORKLOAD) && !compute_queue_knows(given.state) {
+                let why = "with asynchronous work it is read on a compute queue, which does not know this state";
+                return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
+            }
             check_and_describe(given, size, field, state)
         };
         // `Present` reads these later, in the states that were given with them.
@@ -345,9 +350,10 @@ impl Swapchain {
         drop(lock);
         frame.resume();
         self.is_on = true;
-        // Keeps the picture that `Present` will read, and the previous one, which it may still be reading.
-        let [last, _] = std::mem::take(&mut self.hudless);
-        self.hudless = [pictures.hudless.map(|given| given.resource.clone()), last];
+        // Keeps the pictures that `Present` will read, and the previous ones, which it may still be reading.
+        let [last, _] = std::mem::take(&mut self.read_later);
+        let now = [pictures.hudless, pictures.distortion].map(|given| given.map(|given| given.resource.clone()));
+        self.read_later = [now, last];
         Ok(())
     }
 
@@ -492,7 +498,7 @@ impl Swapchain {
         if let Some(generator) = self.generator.take() {
             self.last_id = generator.last_id();
         }
-        self.hudless = [None, None];
+        self.read_later = Default::default();
         off
     }
 

@@ -249,7 +249,8 @@ impl Upscaler {
     }
 
     /// The textures that the provider requires, and those that it can use in addition. None if it cannot say: SDK 2.0 and later
-    /// can.
+    /// can, but AMD's FSR 3 answers with every bit. An exposure that the provider finds itself, as it was made to
+    /// ([`UpscaleCreateFlags::AUTO_EXPOSURE`]), is in neither, though AMD's FSR 2 names it.
     ///
     /// # Errors
     /// The library's own errors.
@@ -257,7 +258,13 @@ impl Upscaler {
         let mut query = Chain::new(QueryUpscaleResources::default());
         // SAFETY: our own context; the answer is written into the chain.
         let known = super::memory_usage::is_known(unsafe { self.context.try_query(&mut query) })?;
-        Ok(known.then(|| [query.head().required, query.head().optional]))
+        let says = known && query.head().required.bits() != u64::MAX;
+        let is_given = if self.creation().flags.contains(UpscaleCreateFlags::AUTO_EXPOSURE) {
+            !UpscaleResources::EXPOSURE
+        } else {
+            UpscaleResources::all()
+        };
+        Ok(says.then(|| [query.head().required & is_given, query.head().optional & is_given]))
     }
 
     /// Records the upscaled frame into its list. The first frame, and one after a failure, drops the history as
@@ -294,7 +301,9 @@ impl Upscaler {
             pre_exposure: params.pre_exposure,
             reset: params.reset || !self.has_history,
             camera_near: params.camera.near,
-            camera_far: params.camera.far,
+            camera_far: params
+                .camera
+                .far_plane(self.context.creation().flags.contains(UpscaleCreateFlags::DEPTH_INFINITE)),
             camera_fov: params.camera.fov,
             metres: params.camera.metres,
             flags: params.encoding,

@@ -352,13 +352,31 @@ fn parameters_without_effect_on_pictures_reach_the_provider() {
 }
 
 #[test]
-fn sizes_jitters_resources_and_memory_can_be_queried() {
+fn the_inputs_that_a_provider_names_can_be_queried() {
     let gpu = Gpu::on_adapter(None).expect("a device");
-    for (release, resources, before) in [
-        (["sdk 1.1.4", ANALYTIC], false, false),
-        (["sdk 2.0", ANALYTIC], true, true),
-        (["sdk 2.1", NEWEST], true, true),
+    let frame = UpscaleResources::COLOR | UpscaleResources::DEPTH | UpscaleResources::MOTION;
+    let exposure = UpscaleResources::EXPOSURE;
+    for (release, flags, required) in [
+        (["sdk 1.1.4", ANALYTIC], UpscaleCreateFlags::empty(), None),
+        (["sdk 2.0", ANALYTIC], UpscaleCreateFlags::empty(), Some(frame | exposure)),
+        // What it finds itself need not be given, as AMD's header says.
+        (["sdk 2.0", ANALYTIC], UpscaleCreateFlags::AUTO_EXPOSURE, Some(frame)),
+        (["sdk 2.1", NEWEST], UpscaleCreateFlags::empty(), Some(frame | exposure)),
     ] {
+        let (double, library) = set_up_double(&[release[0], release[1], "requires 0xf"]);
+        let found = made(&gpu, &library, flags).expect("an upscaler").resources().expect("an answer");
+        assert_eq!(found.map(|[required, _]| required), required, "{release:?}");
+        assert!(found.is_none_or(|[_, optional]| optional.contains(UpscaleResources::REACTIVE)));
+        assert_eq!(double.violations(), [""; 0]);
+    }
+}
+
+#[test]
+fn sizes_jitters_and_memory_can_be_queried() {
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    for (release, before) in
+        [(["sdk 1.1.4", ANALYTIC], false), (["sdk 2.0", ANALYTIC], true), (["sdk 2.1", NEWEST], true)]
+    {
         let (double, library) = set_up_double(&release);
         let api = library.api(Effect::Upscaling).expect("there");
         let shown = Dimensions { width: 1920, height: 1080 };
@@ -382,12 +400,7 @@ fn sizes_jitters_resources_and_memory_can_be_queried() {
         let again = Upscaler::jitter(api, u64::from(phases) * 5 + 3, phases).expect("a jitter");
         assert_eq!((again.x, again.y), (all[3].x, all[3].y), "it comes round");
         let mut upscaler = made(&gpu, &library, UpscaleCreateFlags::empty()).expect("an upscaler");
-        let input = upscaler.resources().expect("an answer");
-        assert_eq!(input.is_some(), resources, "{release:?}");
-        if let Some([required, optional]) = input {
-            let frame = UpscaleResources::COLOR | UpscaleResources::DEPTH | UpscaleResources::MOTION;
-            assert_eq!((required, optional.contains(UpscaleResources::REACTIVE)), (frame, true));
-        }
+        assert_eq!(upscaler.resources().expect("an answer"), None, "{release:?}: FSR 3 answers with every bit");
         let reported = upscaler.memory().expect("an answer").expect("it can say");
         // SAFETY: a live device.
         let needed = unsafe { memory_needed(api, gpu.device().as_raw(), upscaler.creation(), None) };

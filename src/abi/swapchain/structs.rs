@@ -78,25 +78,26 @@ pub struct cairn_swapchain_frame {
     pub depth: *mut ID3D12Resource,
     /// Motion from this frame to the previous one in half or single floats, of the render size, or of the buffers' with CAIRN_SWAPCHAIN_SHOWN_MOTION.
     pub motion: *mut ID3D12Resource,
-    /// The frame without user interface, of the buffers' size and options.hudless_format; may be null. It is read within Present and must not
-    /// be drawn to until Present returns, with CAIRN_SWAPCHAIN_ASYNC until the next Present returns.
+    /// The frame without user interface, of the buffers' size and options.hudless_format; may be null if that is the buffers' own format. It
+    /// is read within Present and must not be drawn to until Present returns, with CAIRN_SWAPCHAIN_ASYNC until the next Present returns.
     pub hudless: *mut ID3D12Resource,
     /// Lens distortion: each pixel's position after the lens minus its position before, as a fraction of the picture, of the buffers' size. May
-    /// be null, but not in a frame after one that had it.
+    /// be null, but not in a frame after one that had it. It is read within Present, as hudless is.
     pub distortion: *mut ID3D12Resource,
     /// State of depth.
     pub depth_state: u32,
     /// State of motion.
     pub motion_state: u32,
-    /// State of hudless.
+    /// State of hudless; with CAIRN_SWAPCHAIN_ASYNC one that a compute queue knows.
     pub hudless_state: u32,
-    /// State of distortion.
+    /// State of distortion, as hudless_state.
     pub distortion_state: u32,
     /// Render size in pixels, at most that of the options.
     pub render_width: u32,
     /// See render_width.
     pub render_height: u32,
-    /// The rectangle of the buffers that shows the world, in pixels; the rest is shown unchanged. Size 0 for all of it.
+    /// The rectangle of the buffers that shows the world, in pixels; the rest is shown unchanged. Depth and motion cover this rectangle and
+    /// nothing else: the render size is mapped onto it. Size 0 for all of it.
     pub world_left: u32,
     /// See world_left.
     pub world_top: u32,

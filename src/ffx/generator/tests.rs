@@ -287,6 +287,36 @@ fn invalid_inputs_are_refused_before_any_call() {
     record(&mut generator, &frame()).expect("a frame that was not spoilt");
 }
 
+/// What AMD's provider 3.1.5 computes from the planes in `setupDeviceDepthToViewSpaceDepthParams`, for depth that is not inverted.
+#[test]
+fn planes_are_such_that_amd_s_providers_can_compute_distances() {
+    for near in [0.001, 0.01, 0.1, 1.0, 3.0, 1e30] {
+        for far in [near * 1e-9, near * 0.5, near * 1.5, near * 1e3, near * 1e6, near * 1e7, near * 1e8, f32::MAX] {
+            let camera = Camera { near, far, ..Camera::default() };
+            let passed = camera.far_plane(false);
+            let (least, largest) = (near.min(passed), near.max(passed));
+            let quotient = largest / (least - largest);
+            assert!(quotient < -1.0 && passed > 0.0, "{near} {far}: {passed}, {quotient}");
+            assert!(passed == far || !(1e-6..=1e6).contains(&(far / near)), "{near} {far}: {passed}");
+        }
+        for far in [0.0, f32::NAN, f32::INFINITY, near / 2.0] {
+            assert_eq!(near.min(Camera { near, far, ..Camera::default() }.far_plane(true)), near);
+        }
+    }
+}
+
+#[test]
+fn frames_of_another_format_than_the_hud_less_ones_need_one() {
+    let other = SurfaceFormat::R10G10B10A2_UNORM;
+    let wrong = |frame: &Frame| fault(frame, &head(), other, false, false).map(|(field, _)| field);
+    let without = Frame { hudless: Resource::default(), ..frame() };
+    assert_eq!(wrong(&without), Some("hudless"));
+    let mut with = frame();
+    with.hudless = with.color;
+    with.hudless.description.format = other;
+    assert_eq!(wrong(&with), None);
+}
+
 #[test]
 fn creation_flags_decide_which_inputs_are_valid() {
     let format = head().back_buffer_format;

@@ -54,6 +54,17 @@ pub(super) struct TrackedResource {
     current: D3D12_RESOURCE_STATES,
 }
 
+/// Whether lists of a compute queue may name this state.
+pub(crate) fn compute_queue_knows(state: D3D12_RESOURCE_STATES) -> bool {
+    let known = SHADER_WRITE
+        | SHADER_READ
+        | D3D12_RESOURCE_STATE_COPY_DEST
+        | D3D12_RESOURCE_STATE_COPY_SOURCE
+        | D3D12_RESOURCE_STATE_VERTEX_AND_CONSTANT_BUFFER
+        | D3D12_RESOURCE_STATE_INDIRECT_ARGUMENT;
+    state & !known == D3D12_RESOURCE_STATE_COMMON
+}
+
 impl<'a> CommandRecorder<'a> {
     #[expect(clippy::too_many_arguments, reason = "the parts of the ring that a frame has")]
     pub(super) fn new(
@@ -278,17 +289,10 @@ impl<'a> CommandRecorder<'a> {
 
     /// Checks a resource's state: the queue's type must support it, and earlier uses in this frame must have given the same state.
     pub(crate) fn check_state(&self, given: &ResourceWithState<'_>) -> Result<()> {
-        let known = SHADER_WRITE
-            | SHADER_READ
-            | D3D12_RESOURCE_STATE_COPY_DEST
-            | D3D12_RESOURCE_STATE_COPY_SOURCE
-            | D3D12_RESOURCE_STATE_VERTEX_AND_CONSTANT_BUFFER
-            | D3D12_RESOURCE_STATE_INDIRECT_ARGUMENT;
         let refuse = |why: &str| Err(Error::new(ErrorKind::InvalidArgument, why).field("state"));
         // A resource of an upload heap is always in GENERIC_READ.
         let fixed = given.state == D3D12_RESOURCE_STATE_GENERIC_READ;
-        if self.kind == D3D12_COMMAND_LIST_TYPE_COMPUTE && !fixed && given.state & !known != D3D12_RESOURCE_STATE_COMMON
-        {
+        if self.kind == D3D12_COMMAND_LIST_TYPE_COMPUTE && !fixed && !compute_queue_knows(given.state) {
             return refuse("a compute queue does not know this state of a resource");
         }
         match self.index_of_tracked(given.resource) {

@@ -15,7 +15,7 @@ mod view;
 pub use super::GpuTimeStatistics;
 pub use barrier::transition;
 pub use command_recorder::CommandRecorder;
-pub(crate) use command_recorder::Table;
+pub(crate) use command_recorder::{Table, compute_queue_knows};
 pub use command_ring::{CommandRing, FRAMES_IN_FLIGHT};
 pub(crate) use kernel::{Kernel, Shape};
 pub use picture_formats::{Output, Transfer};

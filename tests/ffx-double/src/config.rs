@@ -47,7 +47,7 @@ pub(crate) struct Config {
     pub(crate) cut_at: Option<u64>,
     /// `breaks COUNT`: generation fails from that picture on.
     pub(crate) fails_from: Option<u64>,
-    /// `requires KINDS`: the required inputs of an upscaler, as a sum of flags; default colour, depth and motion.
+    /// `requires KINDS`: the required inputs of an upscaler, as a sum of flags; else it answers with every bit, as AMD's FSR 3 does.
     pub(crate) required_inputs: Option<u64>,
     /// The folder of the copy.
     pub(crate) folder: PathBuf,

@@ -50,6 +50,13 @@ pub(crate) struct CreationParams {
     pub(crate) hudless: u32,
 }
 
+/// Whether AMD's providers compute distances from these planes. With infinite depth they take the lesser one for the near plane; with finite depth
+/// they divide by the difference of this quotient from -1, in single precision, where depth is 1.
+pub(crate) fn serve_as_planes(near: f32, far: f32, depth_is_infinite: bool) -> bool {
+    let (least, largest) = (near.min(far), near.max(far));
+    near != far && if depth_is_infinite { least == near } else { largest / (least - largest) != -1.0 }
+}
+
 impl CreationParams {
     /// The device memory that it reports, in bytes: 4 per display pixel and 8 per render pixel.
     pub(crate) fn memory(&self) -> u64 {
@@ -285,11 +292,10 @@ impl GeneratorState {
         // SAFETY: as above.
         let numbers = unsafe { [48, 52, 56, 60, 64, 72, 76, 80, 84].map(|at| get::<f32>(head, at)) };
         let [.., time, near, far, fov, metres] = numbers;
-        // With infinite depth the far plane is ignored.
-        let far = if self.made.flags & DEPTH_INFINITE != 0 { near + 1.0 } else { far };
         let above_0 = [time, near, far, fov, metres].into_iter().all(|number| number > 0.0 && number.is_finite());
         let is_finite = numbers[..4].iter().all(|number| number.is_finite());
-        if !is_finite || !above_0 || near == far || fov >= std::f32::consts::PI {
+        let are_planes = serve_as_planes(near, far, self.made.flags & DEPTH_INFINITE != 0);
+        if !is_finite || !above_0 || !are_planes || fov >= std::f32::consts::PI {
             fault(format!("jitter, scale, time and camera {numbers:?}"));
         }
         let of_motion = if self.made.flags & DISPLAY_RESOLUTION_MOTION != 0 { self.made.shown } else { size };

@@ -89,10 +89,13 @@ bool is_nearer(float a, float b)
     return is_inverted ? a > b : a < b;
 }
 
-// Motion from this frame to the previous one in pixels, and depth, of the nearest neighbour.
+// Motion from this frame to the previous one in pixels, and depth, of the nearest neighbour. As AMD's provider 3.1.5 does, depth and motion cover
+// the generated part (`ffx_frameinterpolation_game_motion_vector_field.h` of its published source).
 float3 motion_of(int2 at)
 {
-    int2 centre = int2((float2(at) + 0.5) * float2(RenderSize) / float2(Size));
+    float2 part = float2(Part.zw - Part.xy);
+    float2 inside = clamp(float2(at - Part.xy) + 0.5, 0.5, part - 0.5);
+    int2 centre = int2(inside * float2(RenderSize) / part);
     int2 nearest = centre;
     float depth = Depth.Load(int3(centre, 0));
     [loop]
@@ -108,8 +111,7 @@ float3 motion_of(int2 at)
     }
     int2 place = int2((float2(nearest) + 0.5) * float2(MotionSize) / float2(RenderSize));
     float2 v = Motion.Load(int3(place, 0)) * Scale - ((Flags & WRONG_JITTER) != 0 ? -Jitter : Jitter);
-    // Motion of display size is in its pixels already.
-    v = all(MotionSize == Size) ? v : v * float2(Size) / float2(RenderSize);
+    v *= part / (all(MotionSize == Size) ? float2(Size) : float2(RenderSize));
     return float3((Flags & WRONG_SIGN) != 0 ? -v.x : v.x, (Flags & (WRONG_SIGN | UPSIDE_DOWN)) != 0 ? -v.y : v.y, depth);
 }
 

@@ -99,11 +99,13 @@ impl Library {
                 unsafe { self.answer(&[24, 32].map(|at| get::<*mut u8>(head, at)), &jitter) }
             }
             (id::RESOURCES, Some(_)) if self.config.sdk >= Sdk::V20 => {
-                let required = self.config.required_inputs.unwrap_or(7);
+                // AMD's FSR 3 says nothing: all bits of both.
+                let [required, optional] =
+                    self.config.required_inputs.map_or([u64::MAX; 2], |kinds| [kinds, 63 & !kinds]);
                 // SAFETY: the answers are fields of the struct.
                 unsafe {
                     put(head, 16, required);
-                    put(head, 24, 63 & !required);
+                    put(head, 24, optional);
                 }
                 OK
             }

@@ -3,7 +3,7 @@
 use std::ffi::c_void;
 
 use crate::field_access::get;
-use crate::generation::{PictureRequest, check_list, check_resource, texture_arg};
+use crate::generation::{PictureRequest, check_list, check_resource, serve_as_planes, texture_arg};
 use crate::shader_work::{CONSTANTS, Pictures, TextureArg};
 
 /// The struct's id.
@@ -114,10 +114,9 @@ impl UpscalerState {
         let (sharpen, sharpness, reset, flags) =
             unsafe { (get::<u8>(head, 392), get::<f32>(head, 396), get::<u8>(head, 408), get::<u32>(head, 428)) };
         let [_, exposure, near, far, fov, _] = numbers;
-        let far_counts = !has(DEPTH_INFINITE);
-        let is_above_0 =
-            |(index, number): (usize, &f32)| (number.is_finite() && *number > 0.0) || (index == 3 && !far_counts);
-        if !numbers.iter().enumerate().all(is_above_0) || far_counts && near == far || fov >= std::f32::consts::PI {
+        let is_above_0 = |number: &f32| number.is_finite() && *number > 0.0;
+        let are_planes = serve_as_planes(near, far, has(DEPTH_INFINITE));
+        if !numbers.iter().all(is_above_0) || !are_planes || fov >= std::f32::consts::PI {
             fault(format!("time, exposure and camera {numbers:?}"));
         }
         if !pairs.iter().all(|number| number.is_finite()) {
