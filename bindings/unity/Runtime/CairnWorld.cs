@@ -138,7 +138,7 @@ namespace Cairn.Unity
             lock (presenters) presenters.Add(presenter);
         }
 
-        /// <summary>Unregisters a presenter. After this returns it gets no more anchors.</summary>
+        /// <summary>Unregisters a presenter. An anchor that is on its way to it may still arrive.</summary>
         internal void Remove(CairnPresenter presenter)
         {
             lock (presenters) presenters.Remove(presenter);
@@ -344,10 +344,10 @@ namespace Cairn.Unity
         private void Show(Anchor anchor)
         {
             lock (changing) anchors++;
-            lock (presenters)
-            {
-                foreach (CairnPresenter presenter in presenters) presenter.Push(anchor);
-            }
+            CairnPresenter[] all;
+            lock (presenters) all = presenters.ToArray();
+            // Outside the lock: a presenter's first anchor compiles pipelines, and Unity's main thread must not wait for that.
+            foreach (CairnPresenter presenter in all) presenter.Push(anchor);
         }
     }
 }

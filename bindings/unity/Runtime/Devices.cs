@@ -58,17 +58,21 @@ namespace Cairn.Unity
 #endif
 
 #if CAIRN_BY_INPUT_SYSTEM
-        /// <summary>Wheel units per notch: 1 if the project's setting (since version 1.9) makes platforms uniform, otherwise 120.</summary>
+        /// <summary>
+        /// Wheel units per notch: Windows' own 120, or 1. The Input System has a setting for it since version 1.9, which Unity heeds since
+        /// 6000.0.9; before that Unity alone decides, for 1 since 2023.2.
+        /// </summary>
         private static float PerNotch
         {
             get
             {
-                const float OfWindows = 120;
-#if CAIRN_INPUT_SYSTEM_1_9
+#if CAIRN_SCROLL_SETTING && CAIRN_INPUT_SYSTEM_1_9
                 bool uniform = InputSystem.settings.scrollDeltaBehavior == InputSettings.ScrollDeltaBehavior.UniformAcrossAllPlatforms;
-                return uniform ? 1 : OfWindows;
+                return uniform ? 1 : 120;
+#elif CAIRN_SCROLL_SETTING || UNITY_2023_2_OR_NEWER
+                return 1;
 #else
-                return OfWindows;
+                return 120;
 #endif
             }
         }

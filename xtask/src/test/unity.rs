@@ -15,12 +15,18 @@ use crate::dist::unity::{PACKAGE, is_package};
 use crate::shell::Log;
 use crate::workspace::Workspace;
 
-/// Unity's defines: without input, with an earlier and a later Input System, with the Input Manager. Later checks use the assemblies
-/// compiled with the last.
-const INPUTS: [&[&str]; 4] = [
+/// Unity's defines: without input, with an earlier and a later Input System in an earlier and a later Unity, with the Input Manager. Later checks
+/// use the assemblies compiled with the last.
+const INPUTS: [&[&str]; 5] = [
     &[],
     &["-define:ENABLE_INPUT_SYSTEM", "-define:CAIRN_INPUT_SYSTEM"],
-    &["-define:ENABLE_INPUT_SYSTEM", "-define:CAIRN_INPUT_SYSTEM", "-define:CAIRN_INPUT_SYSTEM_1_9"],
+    &["-define:ENABLE_INPUT_SYSTEM", "-define:CAIRN_INPUT_SYSTEM", "-define:UNITY_2023_2_OR_NEWER"],
+    &[
+        "-define:ENABLE_INPUT_SYSTEM",
+        "-define:CAIRN_INPUT_SYSTEM",
+        "-define:CAIRN_INPUT_SYSTEM_1_9",
+        "-define:CAIRN_SCROLL_SETTING",
+    ],
     &["-define:ENABLE_LEGACY_INPUT_MANAGER"],
 ];
 
