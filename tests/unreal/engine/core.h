@@ -102,6 +102,7 @@ public:
     const T* GetData() const { return all_.data(); }
     T& operator[](Size at) { return all_.at(static_cast<std::size_t>(at)); }
     const T& operator[](Size at) const { return all_.at(static_cast<std::size_t>(at)); }
+    void Reserve(Size count) { all_.reserve(static_cast<std::size_t>(count)); }
     Size Add(T value) { return all_.push_back(std::move(value)), Num() - 1; }
     void RemoveAt(Size at) { all_.erase(all_.begin() + at); }
     void SetNumUninitialized(Size count) { all_.resize(static_cast<std::size_t>(count)); }
@@ -386,6 +387,12 @@ public:
 
 struct FColor {
     uint8 B = 0, G = 0, R = 0, A = 0;
+};
+
+struct FLinearColor {
+    float R = 0, G = 0, B = 0, A = 0;
+    /** Cuts off what is below 0 and above 1. */
+    FColor ToFColor(bool srgb) const;
 };
 
 enum class ERawImageFormat : uint8 { BGRA8 };

@@ -119,6 +119,8 @@ public:
     std::vector<std::unique_ptr<USubsystem>> Subsystems;
 };
 
+enum ENetMode { NM_Standalone, NM_DedicatedServer, NM_ListenServer, NM_Client };
+
 class UWorld : public UObject {
 public:
     UGameInstance* GetGameInstance() const { return Game; }
@@ -126,6 +128,7 @@ public:
     /** Set by the host. */
     UGameInstance* Game = nullptr;
     APlayerController* Player = nullptr;
+    ENetMode NetMode = NM_Standalone;
 };
 
 struct FActorComponentTickFunction {
@@ -142,6 +145,7 @@ public:
     using Super = UActorComponent;
     FActorComponentTickFunction PrimaryComponentTick;
     UWorld* GetWorld() const { return static_cast<UWorld*>(Outer); }
+    bool IsNetMode(ENetMode mode) const { return GetWorld()->NetMode == mode; }
     void RegisterComponent() {}
     virtual void BeginPlay() {}
     virtual void EndPlay(const EEndPlayReason::Type) {}
@@ -159,7 +163,10 @@ enum ETextureRenderTargetFormat { RTF_RGBA8, RTF_RGBA8_SRGB, RTF_RGBA16f, RTF_R8
 class FTextureRenderTargetResource {
 public:
     const FTextureRHIRef& GetRenderTargetTexture() const { return Texture; }
+    /** As in the engine: half floats of which one is above 1 are stretched between the least and the largest of their channel. */
     bool ReadPixels(TArray<FColor>& to);
+    /** Values as they are. */
+    bool ReadLinearColorPixels(TArray<FLinearColor>& to);
     /** Used by the host. */
     FTextureRHIRef Texture;
 };

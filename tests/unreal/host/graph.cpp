@@ -262,8 +262,66 @@ void UTextureRenderTarget2D::UpdateResourceImmediate(bool) {}
 bool FTextureRenderTargetResource::ReadPixels(TArray<FColor>& to)
 {
     FRHITexture& texture = *Texture;
-    if (texture.Format != PF_B8G8R8A8) return false;
+    if (texture.Format == PF_FloatRGBA) {
+        TArray<FLinearColor> light;
+        ReadLinearColorPixels(light);
+        float least[3] = {0, 0, 0}, largest[3] = {1, 1, 1};
+        for (const FLinearColor& one : light) {
+            const float parts[3] = {one.R, one.G, one.B};
+            for (int i = 0; i < 3; i++) {
+                least[i] = std::min(least[i], parts[i]);
+                largest[i] = std::max(largest[i], parts[i]);
+            }
+        }
+        const auto stretched = [&](float value, int of) { return (value - least[of]) / (largest[of] - least[of]); };
+        for (const FLinearColor& one : light) to.Add(FLinearColor{stretched(one.R, 0), stretched(one.G, 1), stretched(one.B, 2), one.A}.ToFColor(true));
+        return true;
+    }
+    expect(texture.Format == PF_B8G8R8A8, "only formats are read that the engine can convert");
     const std::vector<uint8> bytes = read_texture(texture);
     for (std::size_t i = 0; i + 3 < bytes.size(); i += 4) to.Add({bytes[i], bytes[i + 1], bytes[i + 2], bytes[i + 3]});
     return true;
+}
+
+bool FTextureRenderTargetResource::ReadLinearColorPixels(TArray<FLinearColor>& to)
+{
+    FRHITexture& texture = *Texture;
+    expect(texture.Format == PF_FloatRGBA, "light is read from half floats");
+    const std::vector<uint8> bytes = read_texture(texture);
+    for (std::size_t i = 0; i + 7 < bytes.size(); i += 8) {
+        float parts[4];
+        for (std::size_t c = 0; c < 4; c++) {
+            uint16_t half;
+            std::memcpy(&half, &bytes[i + 2 * c], sizeof half);
+            parts[c] = static_cast<float>(of_half(half));
+        }
+        to.Add({parts[0], parts[1], parts[2], parts[3]});
+    }
+    return true;
+}
+
+FColor FLinearColor::ToFColor(bool srgb) const
+{
+    const auto level = [](float value) { return static_cast<uint8>(std::floor(std::clamp(value, 0.0f, 1.0f) * 255.999f)); };
+    const auto coded = [srgb](float value) {
+        const float light = std::clamp(value, 0.0f, 1.0f);
+        return !srgb ? light : light <= 0.0031308f ? light * 12.92f : 1.055f * std::pow(light, 1 / 2.4f) - 0.055f;
+    };
+    return {level(coded(B)), level(coded(G)), level(coded(R)), level(A)};
+}
+
+double of_half(uint16_t half)
+{
+    const int exponent = half >> 10 & 31;
+    const double size = exponent == 0 ? std::ldexp(half & 1023, -24) : std::ldexp(1024 + (half & 1023), exponent - 25);
+    return half >> 15 != 0 ? -size : size;
+}
+
+uint16_t half_of(double value)
+{
+    if (value < std::ldexp(1, -14)) return static_cast<uint16_t>(std::lround(std::ldexp(value, 24)));
+    int exponent;
+    const double part = std::frexp(value, &exponent);
+    /* A carry out of the ten bits belongs into the exponent, where the sum puts it. */
+    return static_cast<uint16_t>(((exponent + 14) << 10) + std::lround((2 * part - 1) * 1024));
 }

@@ -43,4 +43,7 @@ std::shared_ptr<texture_copy> copy_texture(const FTextureRHIRef& texture);
 std::vector<uint8> read_copy(const texture_copy& copy);
 /** The texture's bytes, row by row, after all work in flight is finished. */
 std::vector<uint8> read_texture(FRHITexture& texture);
+/** Half floats: a value from one, and the nearest to a value from 0 on. */
+double of_half(uint16_t half);
+uint16_t half_of(double value);
 void write_texture(FRHITexture& texture, const std::vector<uint8>& bytes);

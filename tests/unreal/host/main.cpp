@@ -206,18 +206,35 @@ void walk(level& in)
     in.player.Down.clear();
 }
 
-/** From one render target into another of half floats, with generated frames; then an edit, and a pause. */
-void capture(level& in)
+/** A colour's light, 0 to 1. */
+double light_of(uint8 level)
+{
+    const double part = level / 255.0;
+    return part <= 0.04045 ? part / 12.92 : std::pow((part + 0.055) / 1.055, 2.4);
+}
+
+/** From one render target, of bytes or of light with a highlight, into another of half floats, with generated frames; then an edit, and a pause. */
+void capture(level& in, ETextureRenderTargetFormat format)
 {
     actor shown(in);
     shown.component.Multiplier = 4;
     shown.component.bReadPlayerInput = false;
     UTextureRenderTarget2D seen, target;
-    seen.RenderTargetFormat = RTF_RGBA8;
+    seen.RenderTargetFormat = format;
     seen.InitAutoFormat(64, 36);
     std::vector<uint8> picture(64 * 36 * 4);
     for (std::size_t i = 0; i < picture.size(); i++) picture[i] = static_cast<uint8>(i % 4 == 3 ? 0 : i / 40);
-    write_texture(*seen.GameThread_GetRenderTargetResource()->GetRenderTargetTexture(), picture);
+    for (std::size_t i = 0; i < 3; i++) picture[i] = 255;
+    std::vector<uint8> written = picture;
+    if (format == RTF_RGBA16f) {
+        written.resize(picture.size() * 2);
+        for (std::size_t i = 0; i < picture.size(); i++) {
+            /* One format is BGRA, the other RGBA. The first pixel is far brighter than white. */
+            const uint16_t half = half_of(i % 4 == 3 ? 0 : i < 3 ? 8 : light_of(picture[i / 4 * 4 + (2 - i % 4)]));
+            std::memcpy(&written[2 * i], &half, sizeof half);
+        }
+    }
+    write_texture(*seen.GameThread_GetRenderTargetResource()->GetRenderTargetTexture(), written);
     target.RenderTargetFormat = RTF_RGBA16f;
     target.InitAutoFormat(320, 180);
     shown.component.SeedTarget = &seen;
@@ -250,10 +267,7 @@ void capture(level& in)
         /* One format is BGRA, the other RGBA. */
         uint16_t half;
         std::memcpy(&half, &first[(i / 4 * 4 + (2 - i % 4)) * 2], sizeof half);
-        const int exponent = half >> 10 & 31;
-        const double value = exponent == 0 ? std::ldexp(half & 1023, -24) : std::ldexp(1024 + (half & 1023), exponent - 25);
-        const double part = own[i] / 255.0, light = part <= 0.04045 ? part / 12.92 : std::pow((part + 0.055) / 1.055, 2.4);
-        most = std::max(most, std::fabs(value - light));
+        most = std::max(most, std::fabs(of_half(half) - light_of(own[i])));
     }
     expect(first.size() == own.size() * 2 && most < 0.003, "an anchor is the library's own in linear light");
 
@@ -270,6 +284,15 @@ void capture(level& in)
     shown.component.SetPaused(false);
     expect(shown.until([&] { return shown.component.GetStatistics().Anchors > held + 2; }), "it goes on, with an edit");
     shown.component.Stop();
+}
+
+void on_a_server(level& in)
+{
+    in.world.NetMode = NM_DedicatedServer;
+    actor hidden(in);
+    hidden.component.BeginPlay();
+    expect(!hidden.component.IsPlaying() && hidden.error.IsEmpty(), "a dedicated server plays no world");
+    in.world.NetMode = NM_Standalone;
 }
 
 /** A game that adds the pass itself, into a texture of its own, before there is a frame to show. */
@@ -510,7 +533,9 @@ void play()
         expect(std::string(TCHAR_TO_UTF8(*in.subsystem().GetLibraryVersion())).rfind(version, 0) == 0, "the library has a version");
         expect(in.subsystem().GetRequirements().Num() > 2, "what is needed is told");
         walk(in);
-        capture(in);
+        capture(in, RTF_RGBA8);
+        capture(in, RTF_RGBA16f);
+        on_a_server(in);
         own_pass(in);
         late_submission(in);
         left_behind(in);

@@ -71,7 +71,7 @@ namespace CairnEngine
 #if CAIRN_FLUSHES_BY_COPY
 		RHICmdList.EnqueueLambda([Target](FRHICommandListImmediate& Executing)
 		{
-			// It is in this state already; the call tells the engine that the list uses the texture.
+			// The graph leaves transitions within graphics work to the engine, which makes this one, and learns that the list uses the texture.
 			GetID3D12DynamicRHI()->RHITransitionResource(
 				Executing, Target, D3D12_RESOURCE_STATE_COPY_DEST, D3D12_RESOURCE_BARRIER_ALL_SUBRESOURCES);
 		});

@@ -26,7 +26,8 @@ UCairnWorldComponent::UCairnWorldComponent()
 void UCairnWorldComponent::BeginPlay()
 {
 	Super::BeginPlay();
-	if (bStartOnBeginPlay)
+	// A server shows nothing; in the editor it may run beside its clients, on the same device and with the same render target.
+	if (bStartOnBeginPlay && !IsNetMode(NM_DedicatedServer))
 	{
 		Start();
 	}
@@ -74,8 +75,26 @@ namespace
 	bool ReadTarget(UTextureRenderTarget2D* From, FCairnPicture& Out)
 	{
 		FTextureRenderTargetResource* const Resource = From->GameThread_GetRenderTargetResource();
+		const EPixelFormat Format = From->GetFormat();
 		TArray<FColor> Colours;
-		if (Resource == nullptr || !Resource->ReadPixels(Colours) || Colours.Num() != From->SizeX * From->SizeY)
+		bool bRead = false;
+		if (Resource != nullptr && Format == PF_FloatRGBA)
+		{
+			// ReadPixels stretches floats between the least and the largest of the picture as soon as one is above 1.
+			TArray<FLinearColor> Light;
+			bRead = Resource->ReadLinearColorPixels(Light);
+			Colours.Reserve(Light.Num());
+			for (const FLinearColor& One : Light)
+			{
+				Colours.Add(One.ToFColor(true));
+			}
+		}
+		else if (Resource != nullptr && (Format == PF_B8G8R8A8 || Format == PF_R8G8B8A8))
+		{
+			bRead = Resource->ReadPixels(Colours);
+		}
+		// ReadPixels asserts on some of the other formats.
+		if (!bRead || Colours.Num() != From->SizeX * From->SizeY)
 		{
 			return false;
 		}
@@ -114,7 +133,7 @@ void UCairnWorldComponent::Start()
 	{
 		if (!ReadTarget(SeedTarget, Settings.Picture))
 		{
-			Wrong = TEXT("Cairn: SeedTarget cannot be read. Draw into it before the component starts");
+			Wrong = TEXT("Cairn: SeedTarget cannot be read. Give it the format RTF RGBA8, RGBA8 SRGB or RGBA16f, and draw into it before the component starts");
 		}
 	}
 	else
@@ -168,7 +187,8 @@ void UCairnWorldComponent::AppendRenderTarget(UTextureRenderTarget2D* Picture)
 	{
 		UE_LOG(
 			LogCairn, Warning,
-			TEXT("Cairn: the picture of AppendRenderTarget cannot be read, and the world goes on without it. Draw into it before"));
+			TEXT("Cairn: the picture of AppendRenderTarget cannot be read, and the world goes on without it. Give it the format RTF RGBA8, RGBA8 SRGB or "
+				 "RGBA16f, and draw into it before"));
 		return;
 	}
 	Stream->Append(MoveTemp(Read));

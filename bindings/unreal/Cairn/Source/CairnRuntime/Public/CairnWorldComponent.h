@@ -24,7 +24,7 @@ public:
 	UCairnWorldComponent();
 
 	/** The world's bundle, a file or a directory; empty for the one inside the library. Relative paths start at the project's folder. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World", meta = (FilePathFilter = "cairn"))
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World", meta = (FilePathFilter = "cairn", RelativeToGameDir))
 	FFilePath WorldBundle;
 
 	/** Operating point of the world: a preset ("coherence", "stock" and so on), with changes after commas: "stock,g64". */
@@ -43,11 +43,18 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World")
 	int64 Seed = 0;
 
-	/** The seed picture, used if SeedTarget is not set: PNG, JPEG, BMP, EXR or PPM; empty for the plugin's own picture. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World", meta = (FilePathFilter = "png"))
+	/**
+	 * The seed picture, used if SeedTarget is not set: PNG, JPEG, BMP, EXR or PPM; empty for the plugin's own picture. Relative paths start at the
+	 * project's folder.
+	 */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World",
+		meta = (FilePathFilter = "Pictures|*.png;*.jpg;*.jpeg;*.bmp;*.exr;*.ppm", RelativeToGameDir))
 	FFilePath SeedPicture;
 
-	/** Render target whose content when the component starts is the seed picture, for example that of a scene capture. */
+	/**
+	 * Render target whose content when the component starts is the seed picture, for example that of a scene capture: RTF RGBA8 SRGB, RGBA8, or
+	 * RGBA16f, which has linear light that is cut off above 1.
+	 */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World")
 	TObjectPtr<UTextureRenderTarget2D> SeedTarget;
 
