@@ -2629,29 +2629,30 @@ typedef struct cairn_swapchain_frame {
      */
     ID3D12Resource *motion;
     /**
-     * The frame without user interface, of the buffers' size and options.hudless_format; may be null. It is read within Present and must not
-     * be drawn to until Present returns, with CAIRN_SWAPCHAIN_ASYNC until the next Present returns.
+     * The frame without user interface, of the buffers' size and options.hudless_format; may be null if that is the buffers' own format. It
+     * is read within Present and must not be drawn to until Present returns, with CAIRN_SWAPCHAIN_ASYNC until the next Present returns.
      */
     ID3D12Resource *hudless;
     /**
      * Lens distortion: each pixel's position after the lens minus its position before, as a fraction of the picture, of the buffers' size. May
-     * be null, but not in a frame after one that had it.
+     * be null, but not in a frame after one that had it. It is read within Present, as hudless is.
      */
     ID3D12Resource *distortion;
     /** State of depth. */
     uint32_t depth_state;
     /** State of motion. */
     uint32_t motion_state;
-    /** State of hudless. */
+    /** State of hudless; with CAIRN_SWAPCHAIN_ASYNC one that a compute queue knows. */
     uint32_t hudless_state;
-    /** State of distortion. */
+    /** State of distortion, as hudless_state. */
     uint32_t distortion_state;
     /** Render size in pixels, at most that of the options. */
     uint32_t render_width;
     /** See render_width. */
     uint32_t render_height;
     /**
-     * The rectangle of the buffers that shows the world, in pixels; the rest is shown unchanged. Size 0 for all of it.
+     * The rectangle of the buffers that shows the world, in pixels; the rest is shown unchanged. Depth and motion cover this rectangle and
+     * nothing else: the render size is mapped onto it. Size 0 for all of it.
      */
     uint32_t world_left;
     /** See world_left. */
