@@ -115,8 +115,6 @@ struct SelfTest<'a> {
     pattern: Kernel,
     compare: Kernel,
     color: ID3D12Resource,
-    /// The HUD-less frame with its format, if that is another than frames': a generator then needs one.
-    hudless: Option<(ID3D12Resource, DXGI_FORMAT)>,
     output: ID3D12Resource,
     candidate: ID3D12Resource,
     depth: ID3D12Resource,
@@ -130,8 +128,6 @@ impl<'a> SelfTest<'a> {
         let head = &options.head;
         let (display_size, rendered) = (head.display_size, head.max_render_size);
         let format = untyped(DXGI_FORMAT(head.back_buffer_format.to_dxgi().cast_signed()));
-        let hudless = options.hudless.filter(|hudless| *hudless != head.back_buffer_format);
-        let hudless = hudless.map(|hudless| untyped(DXGI_FORMAT(hudless.to_dxgi().cast_signed())));
         let frame = || texture(gpu, display_size, format);
         let bytes = CANDIDATES.len() * 4;
         // A multiple of four, so that half of each component is a whole number of pixels.
@@ -148,7 +144,6 @@ impl<'a> SelfTest<'a> {
             pattern: Kernel::new(gpu, include_bytes!("../gpu/shaders/compiled/fsr_pattern.dxbc"), pattern)?,
             compare: Kernel::new(gpu, include_bytes!("../gpu/shaders/compiled/fsr_compare.dxbc"), compare)?,
             color: frame()?,
-            hudless: hudless.map(|format| Ok((texture(gpu, display_size, format)?, format))).transpose()?,
             output: frame()?,
             candidate: frame()?,
             depth: texture(gpu, rendered, DXGI_FORMAT_R32_FLOAT)?,
@@ -158,16 +153,13 @@ impl<'a> SelfTest<'a> {
         };
         // Fails if shaders cannot write textures of this format.
         compute::texture(gpu, &with_state(&made.output), &[format], "back_buffer_format")?;
-        if let Some((hudless, format)) = &made.hudless {
-            compute::texture(gpu, &with_state(hudless), &[*format], "hudless")?;
-        }
         Ok(made)
     }
 
     /// Draws both frames and passes them to the generator.
     fn generate_pair(&self, generator: &mut TextureGenerator) -> Result<()> {
         const DESCRIPTORS: u32 = 2;
-        let mut ring = CommandRing::new(self.gpu, self.gpu.frames(), 4 * DESCRIPTORS)?;
+        let mut ring = CommandRing::new(self.gpu, self.gpu.frames(), 3 * DESCRIPTORS)?;
         let (motion, depth) = (with_state(&self.motion), with_state(&self.depth));
         let head = &self.options.head;
         let (display_size, rendered, of_motion) = (head.display_size, head.max_render_size, motion_size(head));
@@ -188,16 +180,13 @@ impl<'a> SelfTest<'a> {
             let depths = [BACKGROUND, FOREGROUND].map(|distance| [device_depth(distance, head.flags), 0.0]);
             self.draw(&mut frame, &depth, DXGI_FORMAT_R32_FLOAT, values(depths), scaled(jitter, rendered))?;
             self.draw(&mut frame, &with_state(&self.color), self.format, Mode::Frame(number), [0.0; 2])?;
-            if let Some((hudless, format)) = &self.hudless {
-                self.draw(&mut frame, &with_state(hudless), *format, Mode::Frame(number), [0.0; 2])?;
-            }
             frame.submit(self.gpu.frames())?;
             let pictures = GenerationTextures {
                 color: with_state(&self.color),
                 output: with_state(&self.output),
                 depth,
                 motion,
-                hudless: self.hudless.as_ref().map(|(hudless, _)| with_state(hudless)),
+                hudless: None,
                 distortion: None,
             };
             let [x, y] = scaled(jitter, rendered);
@@ -272,9 +261,7 @@ impl<'a> SelfTest<'a> {
             let held = self.jitter_in_motion();
             self.moved.map(|moved| [0, 1].map(|axis| moved[axis] * factor[axis] + held[axis] * jitter))
         };
-        let is_frame =
-            to.resource == &self.color || self.hudless.as_ref().is_some_and(|(hudless, _)| to.resource == hudless);
-        let is_drawn = matches!(mode, Mode::Frame(_)) && is_frame;
+        let is_drawn = matches!(mode, Mode::Frame(_)) && to.resource == &self.color;
         let (kind, number, [background, foreground]) = match mode {
             Mode::Frame(number) if is_drawn => (0, number, self.moved),
             Mode::Values { number, background, foreground } => (1, number, [background, foreground]),

@@ -114,7 +114,7 @@ impl TextureGenerator {
         let mut choice = options.choice;
         loop {
             let mut made = Self::untested(gpu, api, options, choice).map_err(|error| gpu.or_removed(error))?;
-            let tested = if options.self_test { self_test::run(&mut made, options) } else { Ok(()) };
+            let tested = if options.self_test { made.test(api, options, choice) } else { Ok(()) };
             let why = match tested {
                 Ok(()) => {
                     made.refused = refused;
@@ -135,6 +135,15 @@ impl TextureGenerator {
                 _ => return Err(why),
             }
         }
+    }
+
+    /// Runs the self-test, with a generator of its own if this one needs HUD-less frames of another format, which shaders may not be able to write.
+    fn test(&mut self, api: &Api, options: &TextureOptions, choice: Choice) -> Result<()> {
+        if options.hudless.is_none_or(|hudless| hudless == options.head.back_buffer_format) {
+            return self_test::run(self, options);
+        }
+        let options = TextureOptions { hudless: None, detect_pass_through: false, ..*options };
+        self_test::run(&mut Self::untested(&self.gpu, api, &options, choice)?, &options)
     }
 
     fn untested(gpu: &Gpu, api: &Api, options: &TextureOptions, choice: Choice) -> Result<Self> {

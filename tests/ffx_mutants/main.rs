@@ -135,8 +135,8 @@ impl Scene {
 /// Changes that cannot be detected: a field, its changes, and the reason.
 const UNNOTICED: [(&str, &[&str], &str); 15] = [
     ("frameTimeDelta", &["largest", "onemore", "exchanged"], "any time above 0 is one, and half of it is half of it"),
-    ("cameraNear", &["largest", "onemore", "exchanged"], POSSIBLE),
-    ("cameraFar", &["largest", "onemore"], POSSIBLE),
+    ("cameraNear", &["onemore", "exchanged"], POSSIBLE),
+    ("cameraFar", &["onemore"], POSSIBLE),
     ("cameraFovAngleVertical", &["onemore"], POSSIBLE),
     ("viewSpaceToMetersFactor", &["largest", "onemore", "exchanged"], POSSIBLE),
     ("cameraPosition.x", &["zero", "largest", "onemore", "exchanged"], "a camera may be anywhere"),

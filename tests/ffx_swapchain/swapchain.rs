@@ -16,7 +16,7 @@ use cairn::gpu::windows::Win32::Graphics::Dxgi::*;
 use cairn::gpu::windows::core::Interface as _;
 use libtest_mimic::Trial;
 use test_support::d3d12::engine::Engine;
-use test_support::d3d12::resources::{self, TestResource, run_list};
+use test_support::d3d12::resources::{self, TestResource, run_list, upload_texture};
 use test_support::ffx::double_folder::{ANALYTIC, ANALYTIC_20, DoubleFolder, ML};
 use test_support::ffx::frame_textures::{self, Textures};
 use test_support::ffx::window::{

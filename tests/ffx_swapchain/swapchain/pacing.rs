@@ -62,13 +62,29 @@ pub(super) fn creation_and_pacing_parameters_reach_the_library() {
         let depth = panning(&show.gpu, small);
         let of_motion = if flags == CreateFlags::DISPLAY_RESOLUTION_MOTION { SIZE } else { small };
         let motion = panning(&show.gpu, of_motion);
+        let bytes = vec![0; 4 * (SIZE.width * SIZE.height) as usize];
+        let hudless = upload_texture(&show.gpu, (SIZE.width, SIZE.height), DXGI_FORMAT_B8G8R8A8_UNORM, &bytes);
         let WindowedEngine { swapchain, gpu, .. } = &mut show;
         let pictures = FrameTextures {
             depth: depth.depth.with_state(),
             motion: motion.motion.with_state(),
-            hudless: None,
+            hudless: Some(hudless.with_state()),
             distortion: None,
         };
+        let of_drawing = ResourceWithState { state: D3D12_RESOURCE_STATE_RENDER_TARGET, ..hudless.with_state() };
+        let refused = [
+            (None, true),
+            // Only the compute queue does not know this state.
+            (Some(of_drawing), flags == CreateFlags::ASYNC_WORKLOAD),
+        ];
+        for (hudless, _) in refused.into_iter().filter(|(_, is_refused)| *is_refused) {
+            run_list(gpu, |list| {
+                let spoilt = FrameTextures { hudless, ..pictures };
+                let refused =
+                    swapchain.prepare(list, &spoilt, &FrameParams::of(small)).expect_err("a HUD-less picture");
+                assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::InvalidArgument, Some("hudless")));
+            });
+        }
         run_list(gpu, |list| swapchain.prepare(list, &pictures, &FrameParams::of(small)).expect("prepared"));
         // SAFETY: a live swap chain; its picture does not matter.
         unsafe { swapchain.dxgi().Present(0, DXGI_PRESENT(0)) }.ok().expect("presented");
