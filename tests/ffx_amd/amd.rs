@@ -19,6 +19,7 @@ use libtest_mimic::Trial;
 use test_support::d3d12::engine::Engine;
 use test_support::d3d12::resources::{self, TestResource, run_list};
 use test_support::ffx::frame_textures::Textures;
+use test_support::ffx::world_in_rect;
 use test_support::trials;
 
 fn options(signed: bool) -> LoadOptions {
@@ -330,6 +331,15 @@ fn off(found: &[[u8; 4]], part: impl Fn(u32, u32) -> bool, expected: impl Fn(u32
     differences.max().unwrap_or(0)
 }
 
+fn depth_and_motion_cover_the_part_that_is_generated() {
+    let library = Library::load(&options(false)).expect("loaded");
+    let api = library.api(Effect::FrameGeneration).expect("there");
+    let gpu = Gpu::on_adapter(None).expect("a device");
+    let size = head().display_size;
+    let mut generator = TextureGenerator::new(&gpu, api, &untested(size)).expect("a generator");
+    world_in_rect::check(&gpu, &mut generator, size);
+}
+
 fn interface_letterbox_and_transfer_function_change_amd_s_frame() {
     let library = Library::load(&options(false)).expect("loaded");
     let api = library.api(Effect::FrameGeneration).expect("there");
@@ -429,6 +439,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         declared_jitter_in_motion_does_no_harm_and_a_detected_cut_gives_the_frame_itself,
         it_passes_the_self_test_and_generates_on_both_kinds_of_queue,
         interface_letterbox_and_transfer_function_change_amd_s_frame,
+        depth_and_motion_cover_the_part_that_is_generated,
         memory_of_each_size_is_reported,
     ]
 }

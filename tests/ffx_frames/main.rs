@@ -15,6 +15,7 @@ use test_support::d3d12::engine::{self, Engine};
 use test_support::d3d12::resources::{self, TestResource, run_list, writable_texture};
 use test_support::ffx::double_folder::{self, ANALYTIC, ANALYTIC_20, DoubleFolder, ML};
 use test_support::ffx::frame_textures::Textures;
+use test_support::ffx::world_in_rect;
 
 mod costs;
 mod faults;
@@ -106,6 +107,16 @@ fn off(found: &[[u8; 4]], part: [u32; 4], expected: impl Fn(u32, u32) -> [u8; 4]
 /// Motion of the generated frame, and the inner part of the picture, which nothing enters from outside.
 const HALF: i32 = STEP / 2;
 const INNER: [u32; 4] = [32, 0, 96, SIZE.height];
+
+/// As `tests/ffx_amd` finds of AMD's own.
+#[test]
+fn depth_and_motion_cover_the_part_that_is_generated() {
+    let (double, library) = set_up_double(&[]);
+    let gpu = gpu();
+    let mut generator = made(&gpu, &library, &options()).expect("a generator");
+    world_in_rect::check(&gpu, &mut generator, SIZE);
+    assert_eq!(double.violations(), [""; 0]);
+}
 
 #[test]
 fn a_frame_lies_half_way_and_invalid_motion_is_sanitised() {

@@ -94,7 +94,7 @@ bool is_nearer(float a, float b)
 float3 motion_of(int2 at)
 {
     float2 part = float2(Part.zw - Part.xy);
-    float2 inside = clamp(float2(at - Part.xy) + 0.5, 0.5, part - 0.5);
+    float2 inside = clamp(float2(at - Part.xy) + 0.5, float2(0.5, 0.5), part - 0.5);
     int2 centre = int2(inside * float2(RenderSize) / part);
     int2 nearest = centre;
     float depth = Depth.Load(int3(centre, 0));
@@ -111,7 +111,8 @@ float3 motion_of(int2 at)
     }
     int2 place = int2((float2(nearest) + 0.5) * float2(MotionSize) / float2(RenderSize));
     float2 v = Motion.Load(int3(place, 0)) * Scale - ((Flags & WRONG_JITTER) != 0 ? -Jitter : Jitter);
-    v *= part / (all(MotionSize == Size) ? float2(Size) : float2(RenderSize));
+    float2 covered = all(MotionSize == Size) ? float2(Size) : float2(RenderSize);
+    v = v * part / covered;
     return float3((Flags & WRONG_SIGN) != 0 ? -v.x : v.x, (Flags & (WRONG_SIGN | UPSIDE_DOWN)) != 0 ? -v.y : v.y, depth);
 }
 

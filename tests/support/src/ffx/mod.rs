@@ -4,3 +4,4 @@ pub mod double_folder;
 pub mod failing_calls;
 pub mod frame_textures;
 pub mod window;
+pub mod world_in_rect;
