@@ -15,7 +15,7 @@ use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::*;
 use cairn::gpu::windows::core::Interface as _;
 use libtest_mimic::Trial;
-use test_support::d3d12::engine::Engine;
+use test_support::d3d12::engine::{Engine, reference_count};
 use test_support::d3d12::resources::{self, TestResource, run_list, upload_texture};
 use test_support::ffx::double_folder::{ANALYTIC, ANALYTIC_20, DoubleFolder, ML};
 use test_support::ffx::frame_textures::{self, Textures};
@@ -508,10 +508,12 @@ fn paced_trials() -> Vec<Trial> {
         creation_and_pacing_parameters_reach_the_library,
         every_code_at_every_call_is_reported_and_the_next_call_succeeds,
         hudless_frames_rects_and_lens_distortion_change_generated_frames, memory_can_be_queried_before_creation,
+        pictures_are_held_until_the_next_present_has_read_them,
     };
     trials![
         always: hudless_frames_rects_and_lens_distortion_change_generated_frames,
         creation_and_pacing_parameters_reach_the_library,
+        pictures_are_held_until_the_next_present_has_read_them,
         every_code_at_every_call_is_reported_and_the_next_call_succeeds,
         memory_can_be_queried_before_creation,
     ]

@@ -42,6 +42,41 @@ pub(super) fn hudless_frames_rects_and_lens_distortion_change_generated_frames()
     }
 }
 
+/// AMD's libraries keep bare pointers to them.
+pub(super) fn pictures_are_held_until_the_next_present_has_read_them() {
+    let _alone = one_at_a_time();
+    let (double, library) = set_up_double(&["sdk 2.0", ANALYTIC_20]);
+    let mut show = WindowedEngine::new(How::New, &library).expect("a swap chain");
+    let distortion = |gpu: &Gpu| panning(gpu, SIZE).motion;
+    let (first, second) = (distortion(&show.gpu), distortion(&show.gpu));
+    let hudless = [(); 2].map(|()| Textures::new(&show.gpu, SIZE).color);
+    let counts = || [&first, &hudless[0]].map(|texture| reference_count(&texture.resource));
+    let before = counts();
+    let textures = panning(&show.gpu, SIZE);
+    let mut present = |hudless: &TestResource, distortion: &TestResource| {
+        let pictures = FrameTextures {
+            depth: textures.depth.with_state(),
+            motion: textures.motion.with_state(),
+            hudless: Some(hudless.with_state()),
+            distortion: Some(distortion.with_state()),
+        };
+        let WindowedEngine { swapchain, gpu, .. } = &mut show;
+        run_list(gpu, |list| swapchain.prepare(list, &pictures, &FrameParams::of(SIZE)).expect("prepared"));
+        // SAFETY: a live swap chain; its picture does not matter.
+        unsafe { swapchain.dxgi().Present(0, DXGI_PRESENT(0)) }.ok().expect("presented");
+    };
+    present(&hudless[0], &first);
+    let held = counts();
+    assert!(held.iter().zip(before).all(|(held, before)| *held > before), "{held:?} {before:?}");
+    // A frame later they may still be read.
+    present(&hudless[1], &second);
+    assert!(counts().iter().zip(before).all(|(held, before)| *held > before));
+    (0..4).for_each(|_| present(&hudless[1], &second));
+    drop(show);
+    assert_eq!(counts(), before, "all are given back");
+    assert_eq!(double.violations(), [""; 0]);
+}
+
 pub(super) fn creation_and_pacing_parameters_reach_the_library() {
     let _alone = one_at_a_time();
     let (double, library) = set_up_double(&["sdk 2.1", ML, ANALYTIC]);
