@@ -130,25 +130,23 @@ fn check(arguments: &Arguments, prefix: &[OsString]) -> Result<u8, String> {
     let chosen = chosen(&arguments.only)?;
     let start = Instant::now();
     let out = &arguments.out;
-    std::fs::create_dir_all(out).map_err(|e| format!("{}: {e}; choose another with --out", out.display()))?;
+    let unusable = |e: std::io::Error| format!("{}: {e}; choose another with --out", out.display());
+    std::fs::create_dir_all(out).map_err(unusable)?;
+    let shared = tempfile::Builder::new().prefix("cairn-check-").tempdir_in(out).map_err(unusable)?;
     let mut runner = Runner {
         program: std::env::current_exe().map_err(|e| format!("this program's own file: {e}"))?,
         arguments: prefix.to_vec(),
         settings: arguments.settings.clone(),
         deadline: start + Duration::from_secs(60 * u64::from(arguments.minutes)),
         patience: 1,
-        folder: out.clone(),
+        folder: shared.path().to_owned(),
     };
     let machine = runner.describe();
     if machine.emulated {
         runner.patience = PATIENCE_WITH_EMULATION;
         runner.settings.quick = true;
-        runner.settings.starting_state = Some(out.join(format!("starting-state-{}.tmp", std::process::id())));
+        runner.settings.starting_state = Some(shared.path().join("starting-state"));
     }
-    let remove_starting_state =
-        || runner.settings.starting_state.iter().for_each(|file| _ = std::fs::remove_file(file));
-    // An ended program of the same number may have left one.
-    remove_starting_state();
     let at_once = checks_at_once(&machine);
     let mut report = Report {
         schema: SCHEMA,
@@ -188,7 +186,6 @@ fn check(arguments: &Arguments, prefix: &[OsString]) -> Result<u8, String> {
         }
         Ok(())
     })?;
-    remove_starting_state();
     progress.finish();
     println!("\n{}", totals(&report));
     println!("{} and report.json beside it", out.join("report.html").display());

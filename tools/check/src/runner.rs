@@ -33,7 +33,7 @@ pub struct Runner {
     pub deadline: Instant,
     /// Factor of the checks' limits.
     pub patience: u32,
-    /// Folder for the processes' results; they are removed.
+    /// Folder of this run alone, for the processes' results.
     pub folder: PathBuf,
 }
 
@@ -55,11 +55,10 @@ impl Runner {
 
     /// The machine, as a process of its own describes it; without its adapters if that process fails.
     pub fn describe(&self) -> Machine {
-        let result = self.folder.join(format!("machine-{}.tmp", std::process::id()));
+        let result = self.folder.join("machine");
         let mut command = self.command("describe", &result);
         let ended = command.spawn().and_then(|child| wait(child, DESCRIPTION_LIMIT));
         let text = std::fs::read_to_string(&result).unwrap_or_default();
-        _ = std::fs::remove_file(&result);
         match (ended, serde_json::from_str(&text)) {
             (Ok(_), Ok(machine)) => machine,
             _ => crate::checks::machine::without_adapters(),
@@ -80,12 +79,11 @@ impl Runner {
     }
 
     fn run_process(&self, check: &CheckDefinition, limit: Duration) -> Finding {
-        let result = self.folder.join(format!("{}-{}.tmp", check.name, std::process::id()));
+        let result = self.folder.join(check.name);
         let mut command = self.command("run-one", &result);
         command.arg(check.name);
         let ended = command.spawn().and_then(|child| wait(child, limit));
         let text = std::fs::read_to_string(&result).ok();
-        _ = std::fs::remove_file(&result);
         let finding = text.and_then(|text| serde_json::from_str::<Finding>(&text).ok());
         match (ended, finding) {
             (Err(e), _) => Finding::cannot_tell(format!("its process did not start: {e}"), "Start the program again"),
