@@ -23,8 +23,8 @@ pub struct Camera {
     pub forward: [f32; 3],
     /// The near plane, above 0.
     pub near: f32,
-    /// The far plane, above 0; ignored if depth is infinite. A far plane beyond a million near planes, or one so much nearer
-    /// than the near plane, counts as a million of them: that far, AMD's providers compute distances with a loss of all precision.
+    /// The far plane, above 0; ignored if depth is infinite. Its ratio to the near plane is limited to a million, beyond which AMD's providers
+    /// have no precision left.
     pub far: f32,
     /// Vertical field of view in radians, inside (0, pi).
     pub fov: f32,
@@ -48,8 +48,9 @@ impl Default for Camera {
     }
 }
 
-/// Largest ratio of the planes that is passed to a provider. AMD's compute `far / (near - far)` in single precision, which is -1 from a ratio of
-/// 3e7 on, and then place what is as far as possible in front of everything (`setupDeviceDepthToViewSpaceDepthParams` of their published source).
+/// Largest ratio of the planes that is passed to a provider. AMD's compute `far / (near - far)` in single precision, which rounds to -1 from a ratio
+/// of 3e7 on. The distance of depth 1 is then minus infinity, so that the far plane counts as nearer than all else
+/// (`setupDeviceDepthToViewSpaceDepthParams` of their published source).
 const MAX_PLANE_RATIO: f32 = 1e6;
 
 impl Camera {
@@ -139,8 +140,8 @@ pub struct Frame {
     /// Motion vectors from this frame to the previous one, at render size, or at display size if the generator was created so.
     /// Values that are not finite or larger than the picture can hang the device.
     pub motion: Resource,
-    /// The HUD-less frame at display size; a null resource for none, which is refused if the generator was created for HUD-less frames of
-    /// another format than frames'.
+    /// The HUD-less frame at display size; a null resource for none. Required if the generator was created for HUD-less frames with a format
+    /// of their own.
     pub hudless: Resource,
     /// Lens distortion field at display size: distorted minus undistorted position of each pixel, as a fraction of the picture; a
     /// null resource for none. Once one was given, every later frame needs one: a provider keeps using the last.
@@ -470,7 +471,7 @@ fn fault(
         if hudless != made.back_buffer_format {
             return Some((
                 "hudless",
-                "the generator was made for HUD-less frames of another format than frames', and needs one",
+                "it is null, and the generator was made for HUD-less frames with a format of their own",
             ));
         }
     } else if frame.hudless.description.format != hudless {

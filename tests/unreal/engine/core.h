@@ -391,7 +391,7 @@ struct FColor {
 
 struct FLinearColor {
     float R = 0, G = 0, B = 0, A = 0;
-    /** Cuts off what is below 0 and above 1. */
+    /** Clamps values to 0 to 1. */
     FColor ToFColor(bool srgb) const;
 };
 
