@@ -169,7 +169,7 @@ def test_reports_measure_what_the_estimate_is_of(worlds):
     times, seed = ((checks / name).read_text(encoding="utf-8") for name in ("times.rs", "seed.rs"))
     assert "Schedule::Stock" in seed and "seed::world(&device, Precision::F16)" in times
     assert 'figures_of(&format!("{name}: a step"), &walls)' in times and '["median", "99th percentile", "longest"]' in times
-    assert measured.STEPS == {how: f"{how}: a step, median" for how in re.findall(r'\("([a-z ]*passes[a-z ]*)", \d+\)', times)}
+    assert measured.STEPS == {how: f"{how}: a step, median" for how in re.findall(r'\("([a-z ]*passes[a-z ]*)", \d+', times)}
     assert worlds[0].name == measured.WORLD and worlds[0].geometry.global_window == rates.preset_of_reports().window
     assert "window: world.global_window()" in seed
 
