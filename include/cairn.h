@@ -1028,7 +1028,9 @@ typedef struct cairn_rollout_info {
     uint32_t latents_per_second;
     /** Presentation rate of the operating point, in pictures per second. */
     uint32_t presented_rate;
-    /** The operating point, in full; UTF-8. */
+    /**
+     * The operating point, UTF-8; cut off if it is longer than 191 bytes, as one with many explicit noise levels is.
+     */
     char operating_point[192];
 } cairn_rollout_info;
 
@@ -1339,7 +1341,8 @@ CAIRN_API cairn_result cairn_rollout_single_step(const cairn_rollout *rollout);
  * continues bit for bit the same, in this process or another, on the same kind of device.
  *
  * bytes: capacity bytes, or null with capacity 0 to learn the size.
- * size: gets the size of the state; it stays the same as long as the rollout is not restored.
+ * size: gets the size of the state. It changes by a few hundred bytes with the operating point, also with one that a budget or a governor
+ * sets, and with what the encoder remembers, so ask before each save.
  *
  * Ownership: the state is copied; on failure nothing is written.
  * Threads: any thread, at any time.
@@ -1959,8 +1962,8 @@ CAIRN_API cairn_result cairn_recorder_create(cairn_recorder **recorder);
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
- * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also when the recording is full;
- * CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for a time that no script has, and when
+ * the recording is full; CAIRN_ERROR_BUSY.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_recorder_key(cairn_recorder *recorder, uint64_t microseconds, uint32_t key, uint32_t down);
@@ -1972,8 +1975,8 @@ CAIRN_API cairn_result cairn_recorder_key(cairn_recorder *recorder, uint64_t mic
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
- * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT for numbers that are not finite, and when the recording
- * is full; CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT for what no script may hold, such as a number that is not
+ * finite, and when the recording is full; CAIRN_ERROR_BUSY.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_recorder_mouse(cairn_recorder *recorder, uint64_t microseconds, float dx, float dy);
@@ -1985,7 +1988,8 @@ CAIRN_API cairn_result cairn_recorder_mouse(cairn_recorder *recorder, uint64_t m
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
- * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT when the recording is full; CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT for what no script may hold, and when the
+ * recording is full; CAIRN_ERROR_BUSY.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_recorder_scroll(cairn_recorder *recorder, uint64_t microseconds, int32_t notches);
@@ -1999,8 +2003,8 @@ CAIRN_API cairn_result cairn_recorder_scroll(cairn_recorder *recorder, uint64_t 
  *
  * Ownership: controls are read during the call; nothing is handed over, on success or on failure.
  * Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
- * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also when the recording is full;
- * CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for a time that no script has, and when
+ * the recording is full; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_recorder_step(
@@ -2435,7 +2439,8 @@ CAIRN_API cairn_result cairn_rollout_append_d3d12(
  * index: 0 to pictures - 1, in order of time.
  * texture: gets a texture in RGBA8 of the anchor's size, in state COMMON, in which it must be left.
  * fence, value: get the fence and the value to wait for before the texture is read. Once the fence has the value, the texture does not
- * change.
+ * change. Read it on the device's queue, or on another one while no presenter or rollout of the device works: their lists change its
+ * state and back.
  *
  * Ownership: on success *texture and *fence each have one more reference, which the caller releases; on failure nothing is written.
  * Threads: any thread, at any time.

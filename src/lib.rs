@@ -44,6 +44,7 @@ mod error;
 mod libraries;
 mod object_count;
 mod picture;
+mod quiet_mutex;
 mod rule_set;
 mod texels;
 

@@ -18,7 +18,10 @@ use cairn::abi::rollout::{
 };
 use cairn::abi::statistics::{cairn_rollout_get_statistics, cairn_rollout_statistics};
 use cairn::abi::world::{cairn_world_destroy, cairn_world_load, cairn_world_options};
-use cairn::gpu::windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Fence, ID3D12Resource};
+use cairn::gpu::windows::Win32::Graphics::Direct3D12::{
+    D3D12_RESOURCE_STATE_COMMON, D3D12_RESOURCE_STATE_DEPTH_WRITE, D3D12_RESOURCE_STATE_RENDER_TARGET,
+    D3D12_RESOURCE_STATES, ID3D12Fence, ID3D12Resource,
+};
 use cairn::gpu::windows::core::Interface;
 use cairn::gpu::{FencePoint, Gpu, read_texture, texture_from_picture};
 use test_support::c_interface::{create_handle, tool_device_options, with_struct_size};
@@ -102,6 +105,13 @@ fn textures_are_appended_and_anchors_are_read_as_textures() {
     for from_texture in [true, false] {
         // SAFETY: a live handle and a variable for the handle.
         let rollout = create_handle(|to| unsafe { cairn_rollout_create(world, null(), to) });
+        // A state that the texture was not made for; a barrier from it would remove the device.
+        for state in [D3D12_RESOURCE_STATE_RENDER_TARGET, D3D12_RESOURCE_STATE_DEPTH_WRITE, D3D12_RESOURCE_STATES(-1)] {
+            let raw = texture.as_raw().cast();
+            // SAFETY: a live handle and a live texture.
+            let refused = unsafe { cairn_rollout_append_d3d12(rollout, raw, state.0.cast_unsigned(), null_mut()) };
+            assert_eq!(refused, CAIRN_ERROR_INVALID_ARGUMENT, "{state:?}");
+        }
         let appended = if from_texture {
             // SAFETY: a live handle and a live texture in the state COMMON.
             unsafe { cairn_rollout_append_d3d12(rollout, texture.as_raw().cast(), 0, null_mut()) }

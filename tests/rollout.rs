@@ -313,6 +313,10 @@ fn the_encoder_stream_continues_only_if_it_is_kept() {
     };
     let latents = |mut rollout: Rollout| [0, 1, 2].map(|i| appended(&mut rollout, i));
     let (fresh, kept) = (latents(start()), latents(streaming()));
+    let mut begun_twice = streaming();
+    appended(&mut begun_twice, 0);
+    begun_twice.keep_encoder_stream(true).expect("a stream");
+    assert_eq!(appended(&mut begun_twice, 1), fresh[1], "each call starts the stream anew");
     assert_eq!(fresh[0], kept[0], "both start at zero");
     assert!(fresh[1] != kept[1] && fresh[2] != kept[2]);
     assert_eq!(fresh[2], appended(&mut start(), 2), "without a stream a picture does not depend on earlier ones");

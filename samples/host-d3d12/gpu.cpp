@@ -122,6 +122,8 @@ swapchain::swapchain(gpu &gpu, HWND window, std::uint32_t width, std::uint32_t h
     check(gpu.factory()->CreateSwapChainForHwnd(gpu.queue(), window, &wanted, nullptr, nullptr, &chain),
            "IDXGIFactory4::CreateSwapChainForHwnd");
     check(chain.As(&chain_), "IDXGISwapChain3");
+    /* Alt+Enter would make DXGI enter full screen, after which the buffers must be resized before the next Present. */
+    check(gpu.factory()->MakeWindowAssociation(window, DXGI_MWA_NO_ALT_ENTER), "IDXGIFactory::MakeWindowAssociation");
     if (format.format != DXGI_FORMAT_R8G8B8A8_UNORM) {
         UINT support = 0;
         const HRESULT asked = chain_->CheckColorSpaceSupport(format.display, &support);

@@ -215,7 +215,8 @@ pub unsafe extern "C" fn cairn_rollout_append_d3d12(
 /// index: 0 to pictures - 1, in order of time.
 /// texture: gets a texture in RGBA8 of the anchor's size, in state COMMON, in which it must be left.
 /// fence, value: get the fence and the value to wait for before the texture is read. Once the fence has the value, the texture does not
-/// change.
+/// change. Read it on the device's queue, or on another one while no presenter or rollout of the device works: their lists change its
+/// state and back.
 ///
 /// Ownership: on success *texture and *fence each have one more reference, which the caller releases; on failure nothing is written.
 /// Threads: any thread, at any time.

@@ -7,7 +7,7 @@ use super::boundary::call;
 use super::handles::{Handle, Kind, Object, destroy, enter, insert};
 use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
 use super::structs::{Out, check_out, describe, read_or_default};
-use super::text::{copy_text, fixed_text, optional_text};
+use super::text::{check_text_buffer, copy_text, fixed_text, optional_text};
 use crate::LibrarySearch;
 use crate::bundle::Precision;
 use crate::runtime::{CpuOptions, Device, DeviceKind, Ort, WebGpuOptions};
@@ -184,6 +184,7 @@ pub unsafe extern "C" fn cairn_device_create_auto(
 ) -> cairn_result {
     call("cairn_device_create_auto", || {
         check_out(device, "device")?;
+        check_text_buffer(refusals, capacity, length)?;
         // SAFETY: the host's promise about `options`.
         let options = unsafe { DeviceOptions::read(options) }?;
         let ort = Ort::find(&options.libraries)?;
@@ -192,9 +193,9 @@ pub unsafe extern "C" fn cairn_device_create_auto(
         for line in &lines {
             log::warn!("{line}");
         }
-        // SAFETY: the host's promise about the buffer and the length.
-        let result = unsafe { copy_text(&lines.join("\n"), refusals, capacity, length) }?;
         let handle = insert::<cairn_device>(made)?;
+        // SAFETY: the host's promise about the buffer and the length, which were checked above.
+        let result = unsafe { copy_text(&lines.join("\n"), refusals, capacity, length) }?;
         // SAFETY: checked above; writable by the host's promise.
         unsafe { device.write(handle) };
         Ok(result)

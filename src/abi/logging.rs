@@ -4,6 +4,7 @@ use std::ffi::{c_char, c_void};
 use std::sync::{Arc, OnceLock};
 
 use crate::locks::Mutex;
+use crate::quiet_mutex;
 
 use super::boundary::call;
 use super::gate::Gate;
@@ -100,6 +101,9 @@ impl log::Log for CallbackLogger {
     }
 
     fn log(&self, record: &log::Record<'_>) {
+        if quiet_mutex::keeps(record) {
+            return;
+        }
         let text = |text: String| text.replace('\0', " ") + "\0";
         let (target, message) = (text(record.target().to_owned()), text(record.args().to_string()));
         let sink = {

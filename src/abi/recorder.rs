@@ -49,8 +49,8 @@ pub unsafe extern "C" fn cairn_recorder_create(recorder: *mut *mut cairn_recorde
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also when the recording is full;
-/// CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for a time that no script has, and when
+/// the recording is full; CAIRN_ERROR_BUSY.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_recorder_key(
@@ -76,8 +76,8 @@ pub unsafe extern "C" fn cairn_recorder_key(
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT for numbers that are not finite, and when the recording
-/// is full; CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT for what no script may hold, such as a number that is not
+/// finite, and when the recording is full; CAIRN_ERROR_BUSY.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_recorder_mouse(
@@ -98,7 +98,8 @@ pub unsafe extern "C" fn cairn_recorder_mouse(
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT when the recording is full; CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT for what no script may hold, and when the
+/// recording is full; CAIRN_ERROR_BUSY.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_recorder_scroll(
@@ -120,8 +121,8 @@ pub unsafe extern "C" fn cairn_recorder_scroll(
 ///
 /// Ownership: controls are read during the call; nothing is handed over, on success or on failure.
 /// Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also when the recording is full;
-/// CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for a time that no script has, and when
+/// the recording is full; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_recorder_step(

@@ -71,7 +71,7 @@ pub struct cairn_rollout_info {
     pub latents_per_second: u32,
     /// Presentation rate of the operating point, in pictures per second.
     pub presented_rate: u32,
-    /// The operating point, in full; UTF-8.
+    /// The operating point, UTF-8; cut off if it is longer than 191 bytes, as one with many explicit noise levels is.
     pub operating_point: [c_char; 192],
 }
 describe!(cairn_rollout_info, [], {

@@ -4,6 +4,8 @@ use std::ffi::{c_char, c_void};
 use std::fs::{self, File};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 use super::boundary::call;
 use super::handles::{enter, enter_exclusive};
@@ -16,11 +18,16 @@ use crate::{Error, ErrorKind};
 /// Upper limit on the difference in bytes between two states of one world: their operating points' texts differ in length.
 const SLACK: u64 = 1 << 16;
 
+/// How often a file is renamed on Windows before its error is reported, and the time between.
+const RENAME_ATTEMPTS: u32 = 100;
+const RENAME_PAUSE: Duration = Duration::from_millis(20);
+
 /// Copies the whole state of a rollout: its memory, clocks, seed, operating point and last pictures. A rollout that restores it
 /// continues bit for bit the same, in this process or another, on the same kind of device.
 ///
 /// bytes: capacity bytes, or null with capacity 0 to learn the size.
-/// size: gets the size of the state; it stays the same as long as the rollout is not restored.
+/// size: gets the size of the state. It changes by a few hundred bytes with the operating point, also with one that a budget or a governor
+/// sets, and with what the encoder remembers, so ask before each save.
 ///
 /// Ownership: the state is copied; on failure nothing is written.
 /// Threads: any thread, at any time.
@@ -126,30 +133,45 @@ pub unsafe extern "C" fn cairn_rollout_restore_file(rollout: *mut cairn_rollout,
 /// Writes a temporary file beside `path` and renames it, so that `path` never has an incomplete file.
 fn write_atomically(path: &Path, bytes: &[u8]) -> Outcome<()> {
     let mut name = path.file_name().ok_or_else(|| Failure::argument("path", "it names no file"))?.to_owned();
-    name.push(format!(".{}.unfinished", std::process::id()));
+    // Several threads may save to one path.
+    static SAVES: AtomicU64 = AtomicU64::new(0);
+    name.push(format!(".{}-{}.unfinished", std::process::id(), SAVES.fetch_add(1, Ordering::Relaxed)));
     let temporary: PathBuf = path.with_file_name(name);
     let written = File::create(&temporary).and_then(|mut file| {
         file.write_all(bytes)?;
         // The data must reach the disk before the rename, so that a crash cannot leave an empty file at `path`.
         file.sync_all()
     });
-    written.and_then(|()| fs::rename(&temporary, path)).map_err(|e| {
+    written.and_then(|()| rename(&temporary, path)).map_err(|e| {
         _ = fs::remove_file(&temporary);
         io_failure(path, &e)
     })
 }
 
+/// Renames a file. Windows refuses it for a moment while a virus scanner reads the new file, or another thread replaces the old one.
+fn rename(from: &Path, to: &Path) -> std::io::Result<()> {
+    let mut left = if cfg!(windows) { RENAME_ATTEMPTS } else { 1 };
+    loop {
+        left -= 1;
+        match fs::rename(from, to) {
+            Err(e) if left > 0 && e.kind() == std::io::ErrorKind::PermissionDenied => std::thread::sleep(RENAME_PAUSE),
+            ended => return ended,
+        }
+    }
+}
+
 /// Reads a file of at most `max_bytes`.
 fn read_file(path: &Path, max_bytes: u64) -> Outcome<Vec<u8>> {
     let failure = |e: std::io::Error| io_failure(path, &e);
-    let file = File::open(path).map_err(failure)?;
-    let found = file.metadata().map_err(failure)?;
+    // Asked first: to open a pipe would wait for somebody who writes to it.
+    let found = fs::metadata(path).map_err(failure)?;
     if !found.is_file() || found.len() > max_bytes {
         return Err(Error::new(ErrorKind::InvalidState, "the file is no state of a rollout of this world")
             .field(path.display().to_string())
             .remedy("Give a file that was saved of one")
             .into());
     }
+    let file = File::open(path).map_err(failure)?;
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(found.len() as usize).map_err(|_| {
         Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, format!("a state of {} bytes cannot be read", found.len()))
@@ -160,4 +182,38 @@ fn read_file(path: &Path, max_bytes: u64) -> Outcome<Vec<u8>> {
 
 fn io_failure(path: &Path, error: &std::io::Error) -> Failure {
     Failure::new(CAIRN_ERROR_IO, error.to_string()).field(path.display().to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn threads_that_save_to_one_path_leave_one_whole_state() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("state");
+        std::thread::scope(|scope| {
+            for byte in 1..=4_u8 {
+                let path = &path;
+                scope.spawn(move || {
+                    for _ in 0..25 {
+                        write_atomically(path, &vec![byte; 1 << 18]).unwrap();
+                        let found = fs::read(path).unwrap();
+                        assert!(found.len() == 1 << 18 && found.iter().all(|b| *b == found[0]));
+                    }
+                });
+            }
+        });
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_pipe_is_no_state() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+        let refused = read_file(&path, 1 << 20).unwrap_err();
+        assert!(refused.to_string().contains("no state of a rollout"), "{refused}");
+    }
 }

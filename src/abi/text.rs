@@ -37,18 +37,26 @@ pub(super) unsafe fn required_text<'a>(text: *const c_char, name: &str) -> Outco
     unsafe { optional_text(text, name) }?.ok_or_else(|| Failure::argument(name, "a null pointer where text must be"))
 }
 
-/// Copies as many whole characters of `from` as fit into a caller's buffer, with a final NUL; `length` gets the full length in bytes.
-/// The result is CAIRN_TRUNCATED if they do not all fit.
-///
-/// # Safety
-/// `text` is null or has `capacity` writable bytes; `length` is null or can be written.
-pub(super) unsafe fn copy_text(from: &str, text: *mut c_char, capacity: usize, length: *mut usize) -> Outcome {
+/// Checks the pointers that [`copy_text`] gets, before there is a text.
+pub(super) fn check_text_buffer(text: *mut c_char, capacity: usize, length: *mut usize) -> Outcome<()> {
     if text.is_null() && capacity > 0 {
         return Err(Failure::argument("text", "a null pointer with a capacity"));
     }
     if !length.is_aligned() {
         return Err(Failure::argument("length", "the pointer is misaligned"));
     }
+    Ok(())
+}
+
+/// Copies as many whole characters of `from` as fit into a caller's buffer, with a final NUL; `length` gets the full length in bytes.
+/// The result is CAIRN_TRUNCATED if they do not all fit.
+///
+/// # Safety
+/// `text` is null or has `capacity` writable bytes; `length` is null or can be written.
+pub(super) unsafe fn copy_text(from: &str, text: *mut c_char, capacity: usize, length: *mut usize) -> Outcome {
+    check_text_buffer(text, capacity, length)?;
+    // A host could never read what follows a NUL, and would call again with more room for ever.
+    let from = before_nul(from);
     if !length.is_null() {
         // SAFETY: not null, aligned, and writable by the caller's promise.
         unsafe { length.write(from.len()) };
@@ -75,9 +83,14 @@ pub(super) fn fixed_text<const N: usize>(from: &str) -> [c_char; N] {
     text
 }
 
+/// The text before its first NUL.
+fn before_nul(text: &str) -> &str {
+    text.split('\0').next().unwrap_or_default()
+}
+
 /// The longest prefix of whole characters that has at most `max_bytes` bytes and ends before the first NUL.
 fn truncate(text: &str, max_bytes: usize) -> &str {
-    let text = text.split('\0').next().unwrap_or_default();
+    let text = before_nul(text);
     let end = (0..=max_bytes.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0);
     &text[..end]
 }
@@ -115,6 +128,9 @@ mod tests {
         // SAFETY: the capacity named is less than what is there.
         let result = unsafe { copy_text("añb", buffer.as_mut_ptr(), 3, &mut length) }.unwrap();
         assert_eq!((result, length, buffer), (CAIRN_TRUNCATED, 4, [b'a' as c_char, 0, 7, 7, 7, 7, 7, 7]));
+        // SAFETY: the buffer has eight bytes.
+        let result = unsafe { copy_text("a\0b", buffer.as_mut_ptr(), 8, &mut length) }.unwrap();
+        assert_eq!((result, length), (CAIRN_OK, 1), "what a host can read is the whole text");
         // SAFETY: nothing is written without a capacity.
         assert_eq!(unsafe { copy_text("ab", buffer.as_mut_ptr(), 0, std::ptr::null_mut()) }.unwrap(), CAIRN_TRUNCATED);
         // SAFETY: as above.

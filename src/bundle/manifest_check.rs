@@ -8,6 +8,7 @@ use serde::Deserialize;
 
 use super::manifest::{Geometry, Manifest, Quantisation, SCHEMA_VERSION};
 use super::{MANIFEST_NAME, invalid, names};
+use crate::error::printable;
 use crate::picture::MAX_SIDE;
 use crate::{Error, ErrorKind, Result};
 
@@ -21,6 +22,8 @@ const MODEL_TYPE: &str = "waypoint-1.5";
 const MEMORIES: usize = 9;
 /// The largest side of anything in latent cells, and the largest channel count.
 const MAX_CELLS: u64 = 4096;
+/// How many times as large as a decoded picture its square-pixel form may be, on each side: a rollout allocates pictures of that size.
+const MAX_RENDER_SCALE: u64 = 8;
 
 const CONVERT: &str = "Build the bundle again, or correct the manifest as docs/bundle.md says";
 
@@ -73,8 +76,9 @@ fn check_version(bytes: &[u8]) -> Result<()> {
 
 /// Field name for a JSON error: serde reports a missing or unknown member under its parent's path.
 fn json_fault(error: &serde_path_to_error::Error<serde_json::Error>) -> Error {
-    let message = error.inner().to_string();
-    let path = error.path().to_string();
+    // Names of members are the file's, and may hold anything.
+    let message = printable(&error.inner().to_string());
+    let path = printable(&error.path().to_string());
     let mut field = if path == "." { String::new() } else { path };
     if let Some(member) = message.strip_prefix("missing field `").and_then(|rest| rest.split('`').next()) {
         if !field.is_empty() {
@@ -239,7 +243,8 @@ fn check_picture(m: &Manifest) -> Result<()> {
         let made = u64::from(count) * u64::from(g.autoencoder.spatial);
         equal(&field, m.picture.decoded[side].into(), "the latent's side * geometry.autoencoder.spatial", made)?;
         within(&field, m.picture.decoded[side], 1, MAX_SIDE.into())?;
-        within(&format!("picture.render[{side}]"), m.picture.render[side], 1, MAX_SIDE.into())?;
+        let largest = u64::from(MAX_SIDE).min(MAX_RENDER_SCALE * u64::from(m.picture.decoded[side]));
+        within(&format!("picture.render[{side}]"), m.picture.render[side], 1, largest)?;
     }
     if m.picture.range != [0.0, 1.0] {
         return bad("picture.range", format!("{:?} is not [0, 1]", m.picture.range));

@@ -37,7 +37,7 @@ pub(super) fn load(mut container: Container, options: &OpenOptions<'_>) -> Resul
     let mut reader = Reader { container, options, done: 0, total };
     let mut files = BTreeMap::new();
     // Models first, so that a bad one is refused before weights are read.
-    let (mut models, mut scales) = (Vec::new(), Vec::new());
+    let (mut models, mut scales) = (Vec::new(), BTreeMap::<String, Vec<_>>::new());
     for (precision, kind, path) in manifest.graphs.paths() {
         let Some(entry) = manifest.file(path) else { continue };
         let bytes = reader.read(entry)?;
@@ -45,7 +45,8 @@ pub(super) fn load(mut container: Container, options: &OpenOptions<'_>) -> Resul
         let onnx::ExternalData { external, scales: found } = onnx::check(&bytes, context)?;
         for found in found {
             let file = external.iter().find(|(location, _)| *location == found.location);
-            scales.push((context, file.map(|(_, file)| file.clone()).unwrap_or_default(), found));
+            let file = file.map(|(_, file)| file.clone()).unwrap_or_default();
+            scales.entry(file).or_default().push((context, found));
         }
         models.push(Model { kind, precision, path: path.to_owned(), external });
         files.insert(path.to_owned(), bytes);
@@ -55,9 +56,11 @@ pub(super) fn load(mut container: Container, options: &OpenOptions<'_>) -> Resul
             files.insert(entry.path.clone(), reader.read(entry)?);
         }
     }
-    for (context, file, scales) in scales {
-        let bytes = files.get(&file).map_or(&[][..], AsRef::as_ref);
-        scales.check(bytes).map_err(|cause| context.invalid(cause))?;
+    for (file, scales) in &scales {
+        check_cancel(options)?;
+        let bytes = files.get(file).map_or(&[][..], AsRef::as_ref);
+        let of_file: Vec<_> = scales.iter().map(|(_, scales)| scales).collect();
+        onnx::check_scales(&of_file, bytes).map_err(|(i, cause)| scales[i].0.invalid(cause))?;
     }
     Ok(Bundle { manifest, digest, files, models })
 }

@@ -366,6 +366,8 @@ pub(super) fn picture(gpu: &Gpu, given: &ResourceWithState<'_>, size: Dimensions
         "it is no texture of two dimensions with one sample, level and layer".to_owned()
     } else if (found.Width, found.Height) != (size.width.into(), size.height) {
         format!("it has {} x {} pixels, and not {} x {}", found.Width, found.Height, size.width, size.height)
+    } else if found.Flags & D3D12_RESOURCE_FLAG_DENY_SHADER_RESOURCE != D3D12_RESOURCE_FLAG_NONE {
+        "it was made with D3D12_RESOURCE_FLAG_DENY_SHADER_RESOURCE, so that no shader may read it".to_owned()
     } else {
         return Ok(());
     };

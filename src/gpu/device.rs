@@ -52,7 +52,7 @@ impl Gpu {
             return refuse("queue", "the queue is of no type that runs shaders; it must be direct or compute");
         }
         let anchors = match anchors {
-            None => Queue::new(device, D3D12_COMMAND_LIST_TYPE_COMPUTE)?,
+            None => Queue::for_anchors(device)?,
             Some(anchors) => {
                 owns(device, anchors, "anchors")?;
                 let anchors = Queue::of_engine(device, anchors)?;
@@ -84,8 +84,8 @@ impl Gpu {
                 .remedy("Use another adapter with a Direct3D 12 driver, or a CPU device")
         })?;
         let device = device.ok_or_else(|| Error::new(ErrorKind::Device, "D3D12CreateDevice gave no device"))?;
-        let frames = Queue::new(&device, D3D12_COMMAND_LIST_TYPE_DIRECT)?;
-        let anchors = Queue::new(&device, D3D12_COMMAND_LIST_TYPE_COMPUTE)?;
+        let frames = Queue::for_frames(&device)?;
+        let anchors = Queue::for_anchors(&device)?;
         let (luid, adapter) = (described.luid, OnceLock::from((adapter, described)));
         Ok(Self(Arc::new(Inner { frames, anchors, device, luid, adapter, pipelines: PipelineCache::default() })))
     }

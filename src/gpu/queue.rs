@@ -4,8 +4,9 @@ use std::ffi::CStr;
 
 use crate::locks::Mutex;
 use windows::Win32::Graphics::Direct3D12::{
-    D3D12_COMMAND_LIST_TYPE, D3D12_COMMAND_QUEUE_DESC, D3D12_FENCE_FLAG_NONE, ID3D12CommandList, ID3D12CommandQueue,
-    ID3D12Device, ID3D12Fence,
+    D3D12_COMMAND_LIST_TYPE, D3D12_COMMAND_LIST_TYPE_COMPUTE, D3D12_COMMAND_LIST_TYPE_DIRECT, D3D12_COMMAND_QUEUE_DESC,
+    D3D12_COMMAND_QUEUE_FLAG_DISABLE_GPU_TIMEOUT, D3D12_COMMAND_QUEUE_FLAG_NONE, D3D12_COMMAND_QUEUE_FLAGS,
+    D3D12_FENCE_FLAG_NONE, ID3D12CommandList, ID3D12CommandQueue, ID3D12Device, ID3D12Fence,
 };
 use windows::core::Interface;
 
@@ -40,9 +41,19 @@ impl Queue {
         Ok(Self { queue: queue.clone(), device: device.clone(), fence, kind, last: Mutex::new(0) })
     }
 
-    /// A new queue.
-    pub(super) fn new(device: &ID3D12Device, kind: D3D12_COMMAND_LIST_TYPE) -> Result<Self> {
-        let wanted = D3D12_COMMAND_QUEUE_DESC { Type: kind, ..Default::default() };
+    /// A new queue for anchors. A pass on a slow adapter may take longer than the two seconds after which Windows resets an adapter, and with
+    /// it the engine's device, so that does not apply here. ONNX Runtime makes its own queues in the same way.
+    pub(super) fn for_anchors(device: &ID3D12Device) -> Result<Self> {
+        Self::new(device, D3D12_COMMAND_LIST_TYPE_COMPUTE, D3D12_COMMAND_QUEUE_FLAG_DISABLE_GPU_TIMEOUT)
+    }
+
+    /// A new queue for frames.
+    pub(super) fn for_frames(device: &ID3D12Device) -> Result<Self> {
+        Self::new(device, D3D12_COMMAND_LIST_TYPE_DIRECT, D3D12_COMMAND_QUEUE_FLAG_NONE)
+    }
+
+    fn new(device: &ID3D12Device, kind: D3D12_COMMAND_LIST_TYPE, flags: D3D12_COMMAND_QUEUE_FLAGS) -> Result<Self> {
+        let wanted = D3D12_COMMAND_QUEUE_DESC { Type: kind, Flags: flags, ..Default::default() };
         // SAFETY: a live device and a description that lives during the call.
         let queue = unsafe { device.CreateCommandQueue(&wanted) }
             .map_err(|e| failed_on(device, "ID3D12Device::CreateCommandQueue", &e))?;

@@ -121,7 +121,7 @@ fn check(desc: &D3D12_RESOURCE_DESC, (width, height): (u32, u32)) -> Result<Texe
 }
 
 /// Checks that the texture can be in the state and a list of the type can name it: a barrier with another state removes the device.
-fn check_state(
+pub(super) fn check_state(
     field: &str,
     state: D3D12_RESOURCE_STATES,
     desc: &D3D12_RESOURCE_DESC,

@@ -7,6 +7,7 @@ use windows::Win32::Graphics::Dxgi::Common::*;
 use windows::core::Interface;
 
 use super::buffers::{Heap, MappedBuffer};
+use super::target::check_state;
 use super::{FencePoint, Gpu, failed_on};
 use crate::object_count::count_object;
 use crate::{Error, ErrorKind, MAX_SIDE, Picture, Result};
@@ -28,7 +29,7 @@ const COMPUTE_STATES: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATES(
 /// must be in that state.
 ///
 /// # Errors
-/// `InvalidArgument` for another kind of resource, one of another device, and a state that the queue's lists cannot name;
+/// `InvalidArgument` for another kind of resource, one of another device, and a state that it cannot be in or the queue's lists cannot name;
 /// `OutOfMemory`; `DeviceRemoved`.
 pub fn read_texture(gpu: &Gpu, texture: &ID3D12Resource, state: D3D12_RESOURCE_STATES) -> Result<Picture> {
     gpu.owns(texture, "texture")?;
@@ -37,6 +38,9 @@ pub fn read_texture(gpu: &Gpu, texture: &ID3D12Resource, state: D3D12_RESOURCE_S
     let blue_first = check(&desc)?;
     if !can_name_state(gpu.frames().kind(), state) {
         return Err(refuse("state", "the queue for frames is a compute queue, which cannot name that state"));
+    }
+    if state != D3D12_RESOURCE_STATE_GENERIC_READ {
+        check_state("state", state, &desc, gpu.frames().kind())?;
     }
     let mut picture = Picture::new(desc.Width as u32, desc.Height)?;
     let (layout, bytes) = layout(gpu, &desc);

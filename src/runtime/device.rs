@@ -120,8 +120,7 @@ impl Device {
     ///
     /// # Errors
     /// `RuntimeMissing` when the DirectML.dll that belongs to ONNX Runtime is not beside it; `Unsupported` when ONNX Runtime is a build
-    /// without DirectML, one older than 1.15 is in the process already, or the adapter cannot do DirectML's feature level 5.0;
-    /// `DeviceRemoved`.
+    /// without DirectML, or the adapter cannot do DirectML's feature level 5.0; `DeviceRemoved`.
     #[cfg(windows)]
     pub fn directml(ort: &Ort, gpu: &crate::gpu::Gpu, options: super::DirectMlOptions) -> Result<Device> {
         Ok(Self::of(Arc::new(super::directml::DirectMlBackend::new(ort, gpu, options)?)))

@@ -13,7 +13,9 @@ pub(super) fn ort_failure<R>(what: &str, error: &ort::Error<R>) -> Error {
 }
 
 fn message_error(what: &str, message: &str) -> Error {
-    let exhausted = ["Failed to allocate memory", "bad_alloc", "bad allocation"].iter().any(|s| message.contains(s));
+    // The number is E_OUTOFMEMORY, as the DirectML provider writes it; the words after it are in the system's language.
+    const EXHAUSTED: [&str; 4] = ["Failed to allocate memory", "bad_alloc", "bad allocation", "8007000E"];
+    let exhausted = EXHAUSTED.iter().any(|s| message.contains(s));
     let cause = format!("ONNX Runtime could not {what}: {}", message.trim_end_matches(['.', '\n']));
     // Dawn's words, on which the WebGPU provider is built.
     if message.contains("[Device] is lost") {
@@ -45,6 +47,10 @@ mod tests {
         assert!(error.to_string().contains("ONNX Runtime could not count: no fingers"), "{error}");
         for (message, kind) in [
             ("Failed to allocate memory", ErrorKind::OutOfMemory),
+            (
+                "DmlCommittedResourceAllocator.cpp(22) Exception(3) tid(4304) 8007000E Nicht genug Speicher",
+                ErrorKind::OutOfMemory,
+            ),
             ("MapAsyncStatus value: 4, message: [Device] is lost.", ErrorKind::DeviceRemoved),
         ] {
             assert_eq!(make::<(), ()>("count", || panic!("{message}")).unwrap_err().kind(), kind);

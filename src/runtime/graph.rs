@@ -11,7 +11,7 @@ use ort::value::{Outlet, TensorElementType, ValueType};
 
 use super::failure::{make, ort_failure};
 use crate::bundle::{ModelSource, Precision};
-use crate::locks::Mutex;
+use crate::quiet_mutex::QuietMutex;
 use crate::{Error, ErrorKind, Result};
 
 /// Element type of a graph's input or output.
@@ -76,7 +76,7 @@ pub(crate) struct Graph {
     #[cfg(windows)]
     data: Box<dyn Any + Send + Sync>,
     /// Held while the session is dropped, for backends whose sessions share what is not safe to use from two threads.
-    drop_lock: Option<&'static Mutex<()>>,
+    drop_lock: Option<&'static QuietMutex<()>>,
     /// An object that must outlive the session. Fields are dropped in order, so it is the last.
     _kept: Option<Arc<dyn Any + Send + Sync>>,
 }
@@ -125,7 +125,7 @@ impl Graph {
     }
 
     /// The same graph with `lock`, which is held while the session is dropped, and `kept`, which is dropped after the session.
-    pub(super) fn with_drop_lock(mut self, lock: &'static Mutex<()>, kept: Arc<dyn Any + Send + Sync>) -> Self {
+    pub(super) fn with_drop_lock(mut self, lock: &'static QuietMutex<()>, kept: Arc<dyn Any + Send + Sync>) -> Self {
         self.drop_lock = Some(lock);
         self._kept = Some(kept);
         self
@@ -154,7 +154,7 @@ impl Graph {
 
 impl Drop for Graph {
     fn drop(&mut self) {
-        let _held = self.drop_lock.map(Mutex::lock);
+        let _held = self.drop_lock.map(QuietMutex::lock);
         self.session = None;
     }
 }

@@ -4,13 +4,15 @@ use std::ffi::CStr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::locks::Mutex;
+use crate::quiet_mutex::QuietMutex;
 
 use super::failure::ort_failure;
 use super::library_search;
 use super::pin::pin_this_library;
 use super::self_test;
 use crate::libraries::canonical;
+#[cfg(windows)]
+use crate::libraries::load_refusal;
 use crate::{Error, ErrorKind, LibrarySearch, Result};
 
 /// The oldest release that offers the interface version of this build, as its major and minor version. Later releases offer it, too.
@@ -21,7 +23,7 @@ const TESTED: [&str; 2] = ["1.24.4", "1.32.0"];
 
 /// The file that this process uses. ONNX Runtime allows one environment per process, so the first file that is started stays, also if it
 /// fails after that.
-static STARTED: Mutex<Option<Started>> = Mutex::new(None);
+static STARTED: QuietMutex<Option<Started>> = QuietMutex::new(None);
 
 /// A library that was started. Calls that failed are repeated when the same file is loaded again.
 struct Started {
@@ -194,7 +196,7 @@ impl CheckedLibrary {
         if !path.is_file() {
             return Err(missing(path, "is not a file"));
         }
-        let library = open(path).map_err(|e| missing(path, &format!("cannot be loaded as a library: {e}")))?;
+        let library = open(path)?;
         type GetApiBase = unsafe extern "system" fn() -> *const ort::sys::OrtApiBase;
         // SAFETY: the symbol has this type in every release of ONNX Runtime.
         let base = unsafe { library.get::<GetApiBase>(b"OrtGetApiBase\0") }
@@ -228,19 +230,45 @@ impl CheckedLibrary {
 /// Loads a library. Its dependencies are searched beside it and in the system directory, and neither beside the program, in the
 /// working directory nor along the PATH.
 #[cfg(windows)]
-fn open(path: &Path) -> Result<libloading::Library, libloading::Error> {
+fn open(path: &Path) -> Result<libloading::Library> {
     use libloading::os::windows::{LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR, LOAD_LIBRARY_SEARCH_SYSTEM32, Library};
 
     let search = LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR | LOAD_LIBRARY_SEARCH_SYSTEM32;
     // SAFETY: runs the initialisers of a library the caller named as ONNX Runtime; that trust is the caller's.
-    unsafe { Library::load_with_flags(path, search) }.map(Into::into)
+    unsafe { Library::load_with_flags(path, search) }.map(Into::into).map_err(|e| refused(path, &e))
+}
+
+/// The error for a library that Windows does not load: the error's own text has no code.
+#[cfg(windows)]
+fn refused(path: &Path, error: &libloading::Error) -> Error {
+    use std::error::Error as _;
+
+    use super::module::{self, LibraryVersion};
+    use windows::core::{HRESULT, w};
+
+    /// The C++ runtime from which on a mutex needs no call to be made, as the mutexes of ONNX Runtime 1.24 expect.
+    const OLDEST_RUNTIME: LibraryVersion = LibraryVersion([14, 40, 0, 0]);
+
+    let code = error.source().and_then(|e| e.downcast_ref::<std::io::Error>()?.raw_os_error()).unwrap_or_default();
+    let (mut cause, mut remedy) = load_refusal(path, HRESULT::from_win32(code.cast_unsigned()), REMEDY);
+    // The first one of this name serves the whole process.
+    let loaded = module::loaded(w!("MSVCP140.dll"));
+    let old = loaded.filter(|runtime| LibraryVersion::of(&runtime.path).is_some_and(|found| found < OLDEST_RUNTIME));
+    if let Some(old) = old {
+        cause.push_str(&format!("; this process has the C++ runtime {}", module::described(&old.path)));
+        remedy = "ONNX Runtime needs version 14.40 or newer: replace the one that the program brings by that of Microsoft's current \
+                  Visual C++ redistributable for x64";
+    }
+    Error::new(ErrorKind::RuntimeMissing, format!("ONNX Runtime cannot be loaded as a library: {cause}"))
+        .field(path.display().to_string())
+        .remedy(remedy)
 }
 
 /// Loads a library.
 #[cfg(not(windows))]
-fn open(path: &Path) -> Result<libloading::Library, libloading::Error> {
+fn open(path: &Path) -> Result<libloading::Library> {
     // SAFETY: runs the initialisers of a library the caller named as ONNX Runtime; that trust is the caller's.
-    unsafe { libloading::Library::new(path) }
+    unsafe { libloading::Library::new(path) }.map_err(|e| missing(path, &format!("cannot be loaded as a library: {e}")))
 }
 
 /// Logs a warning if the process has loaded another ONNX Runtime file; ours is loaded in addition.

@@ -5,13 +5,11 @@ use std::fmt;
 use std::os::windows::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
-use windows::Win32::Foundation::HMODULE;
 use windows::Win32::System::LibraryLoader::{GetModuleFileNameW, GetModuleHandleW};
 use windows::core::{BOOL, PCWSTR, w};
 
 /// A loaded library of this process.
 pub(super) struct LoadedModule {
-    pub(super) handle: HMODULE,
     pub(super) path: PathBuf,
 }
 
@@ -22,7 +20,7 @@ pub(super) fn loaded(name: PCWSTR) -> Option<LoadedModule> {
     let mut wide = vec![0; 1 << 15];
     // SAFETY: a loaded module and a buffer with its length.
     let length = unsafe { GetModuleFileNameW(Some(handle), &mut wide) } as usize;
-    Some(LoadedModule { handle, path: String::from_utf16_lossy(&wide[..length]).into() })
+    Some(LoadedModule { path: String::from_utf16_lossy(&wide[..length]).into() })
 }
 
 // The `windows` crate has these only in a feature that also adds the whole file system API.

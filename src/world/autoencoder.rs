@@ -185,10 +185,10 @@ impl Autoencoder {
         self.encoder_memories.as_ref().is_some_and(|memories| memories.is_kept)
     }
 
-    /// Sets whether appended pictures continue the encoder's stream. A change starts the stream anew, with zeroed memories.
+    /// Sets whether appended pictures continue the encoder's stream. One that is kept starts anew, with zeroed memories.
     pub(super) fn keep_stream(&mut self, context: &mut dyn ExecutionContext, is_kept: bool) -> Result<()> {
         match &mut self.encoder_memories {
-            Some(memories) if memories.is_kept != is_kept => {
+            Some(memories) if memories.is_kept || is_kept => {
                 context.clear(&memories.sides[memories.current])?;
                 memories.is_kept = is_kept;
                 Ok(())

@@ -73,6 +73,7 @@ fn cases() -> Vec<Case> {
         ("/picture/decoded", json!([32, 64]), "picture.decoded[1]"),
         ("/picture/render", json!([0, 32]), "picture.render[0]"),
         ("/picture/render", json!([40, 65_536]), "picture.render[1]"),
+        ("/picture/render", json!([257, 32]), "picture.render[0]"),
         ("/picture/range", json!([-1, 1]), "picture.range"),
         ("/graphs/f32/encoder", json!("absent.onnx"), "graphs.f32.encoder"),
         ("/graphs/f32/encoder", json!("decoder.f32.onnx"), "graphs.f32.decoder"),

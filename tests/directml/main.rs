@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use cairn::bundle::Precision;
+use cairn::gpu::windows::Win32::Foundation::{E_OUTOFMEMORY, S_OK};
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_COMMON;
 use cairn::gpu::{Gpu, read_texture};
 use cairn::runtime::{Device, DirectMlOptions};
@@ -15,6 +16,7 @@ use cairn::world::{KeptAnchor, KvPart, OperatingPoint, Rollout, Schedule, World,
 use cairn::{ErrorKind, Picture};
 use test_support::worlds::{self, bundle, controls, fingerprint, ort, point, relative_error, seeded};
 
+mod lost_device;
 mod queue_events;
 
 fn directml(precision: Precision, profile: Option<PathBuf>) -> Arc<World> {
@@ -154,6 +156,23 @@ fn a_rollout_repeats_bit_for_bit_also_from_a_saved_state() {
     restored.restore(&saved).expect("the state fits");
     steps(&mut restored, 1..3);
     assert!(bits(&mut first) == bits(&mut restored), "the state holds everything");
+}
+
+/// ONNX Runtime's provider keeps a session's lists and buffers without locks.
+#[test]
+fn rollouts_of_one_world_step_at_the_same_time() {
+    let world = directml(Precision::F16, None);
+    let rollout = |seed| {
+        let mut rollout = seeded(&world, &point(&world), seed);
+        steps(&mut rollout, 0..4);
+        fingerprint(&mut rollout).expect("bits")
+    };
+    let alone = [7, 8, 9].map(rollout);
+    let together = std::thread::scope(|scope| {
+        let started = [7, 8, 9].map(|seed| scope.spawn(move || rollout(seed)));
+        started.map(|thread| thread.join().expect("a rollout"))
+    });
+    assert!(alone == together, "each has its own bits");
 }
 
 #[test]
@@ -323,47 +342,62 @@ fn an_anchor_stays_on_the_device_until_it_is_read() {
     assert_eq!(bytes_read(&rollout) - before, (bytes + 2 * latent.len()) as u64, "what was read is counted");
 }
 
-/// This test starts itself as a second process: a process finds one DirectML.dll by its name.
+/// This test starts itself as a second process: libraries that are loaded stay.
 #[test]
-fn a_loaded_directml_is_used_if_it_is_new_enough() {
+fn a_directml_that_the_engine_has_loaded_does_not_matter() {
     const VARIABLE: &str = "CAIRN_TEST_DIRECTML";
-    if let Some(text) = std::env::var_os(VARIABLE) {
-        let text = text.into_string().expect("text");
-        let (path, old) = text.strip_prefix("old ").map_or((text.as_str(), false), |path| (path, true));
+    if let Some(path) = std::env::var_os(VARIABLE) {
         // SAFETY: runs the initialisers of Microsoft's own library.
-        std::mem::forget(unsafe { libloading::Library::new(path) }.expect("it loads"));
-        let gpu = Gpu::on_adapter(None).expect("a device");
-        let made = Device::directml(&ort(), &gpu, DirectMlOptions::default());
-        if old {
-            let refused = made.expect_err("it is too old");
-            assert_eq!(refused.kind(), ErrorKind::Unsupported);
-            let words = refused.to_string();
-            assert!(words.contains("(version 1.14.") && words.contains(path), "{words}");
-        } else {
-            made.expect("it is new enough");
-        }
+        std::mem::forget(unsafe { libloading::Library::new(&path) }.expect("it loads"));
+        let world = directml(Precision::F16, None);
+        assert!(latent(&world).iter().all(|value| value.is_finite()));
         return;
     }
     let bytes = std::fs::read(ort().path().with_file_name("DirectML.dll")).expect("the library");
     // The signature of the version record, and the version in it.
     let record = bytes.windows(4).position(|word| word == 0xfeef_04bd_u32.to_le_bytes()).expect("a version");
-    let version = &bytes[record + 8..record + 12];
-    assert_eq!(version, 0x0001_000f_u32.to_le_bytes(), "it is 1.15");
     let mut older = bytes.clone();
-    older[record + 8..record + 12].copy_from_slice(&0x0001_000e_u32.to_le_bytes());
-    for (name, prefix, bytes) in [("an engine's", "", bytes), ("another DirectML.dll's", "old ", older)] {
-        let folder = Folder::new(name);
-        let path = folder.0.join("DirectML.dll");
-        std::fs::write(&path, bytes).expect("a copy");
-        let name = std::thread::current().name().expect("this test's name").to_owned();
-        let mut child = std::process::Command::new(std::env::current_exe().expect("this program"));
-        child.args(["--exact", &name]).env(VARIABLE, format!("{prefix}{}", path.display()));
-        let ended = child.output().expect("it runs");
-        let output = String::from_utf8_lossy(&ended.stdout);
-        assert!(
-            ended.status.success() && output.contains("1 passed"),
-            "{output}{}",
-            String::from_utf8_lossy(&ended.stderr)
-        );
+    older[record + 8..record + 12].copy_from_slice(&0x0001_000a_u32.to_le_bytes());
+    let folder = Folder::new("an engine's");
+    let path = folder.0.join("DirectML.dll");
+    std::fs::write(&path, older).expect("a copy");
+    run_alone(VARIABLE, path.as_os_str());
+}
+
+/// A device of DirectML can be lost alone; then calls on it and on what was made of it do nothing.
+#[test]
+fn a_lost_device_of_directml_is_reported() {
+    const VARIABLE: &str = "CAIRN_TEST_LOST_DIRECTML";
+    if std::env::var_os(VARIABLE).is_none() {
+        return run_alone(VARIABLE, "1".as_ref());
     }
+    let world = directml(Precision::F16, None);
+    let mut rollout = seeded(&world, &point(&world), 7);
+    steps(&mut rollout, 0..1);
+    let latent = rollout.latent().expect("a latent").to_vec();
+    lost_device::install(world.device().gpu().expect("a Direct3D device"));
+    lost_device::lose(E_OUTOFMEMORY);
+    let failed = rollout.step(&controls(1)).expect_err("it is lost");
+    assert_eq!(failed.kind(), ErrorKind::DeviceRemoved, "{failed}");
+    assert!(failed.to_string().contains("DirectML") && failed.to_string().contains("0x8007000e"), "{failed}");
+    let options = WorldOptions { precision: Some(Precision::F16), ..WorldOptions::default() };
+    let failed = World::load(world.device(), &bundle("tiny"), options).expect_err("it is lost");
+    assert_eq!(failed.kind(), ErrorKind::DeviceRemoved, "{failed}");
+    // Nothing of the failed step is left.
+    lost_device::lose(S_OK);
+    assert_eq!(rollout.latent().expect("a latent"), latent);
+    steps(&mut rollout, 1..2);
+}
+
+/// Runs the calling test alone in a second process, which finds `value` in the variable.
+fn run_alone(variable: &str, value: &std::ffi::OsStr) {
+    let name = std::thread::current().name().expect("this test's name").to_owned();
+    let mut child = std::process::Command::new(std::env::current_exe().expect("this program"));
+    let ended = child.args(["--exact", &name]).env(variable, value).output().expect("it runs");
+    let output = String::from_utf8_lossy(&ended.stdout);
+    assert!(
+        ended.status.success() && output.contains("1 passed"),
+        "{output}{}",
+        String::from_utf8_lossy(&ended.stderr)
+    );
 }

@@ -12,7 +12,7 @@ use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::{FencePoint, Gpu};
 use test_support::d3d12::engine::{self, Engine};
-use test_support::d3d12::resources::{self, TestResource, run_list, writable_texture};
+use test_support::d3d12::resources::{self, TestResource, run_list, texture_desc, writable_texture};
 use test_support::ffx::double_folder::{self, ANALYTIC, ANALYTIC_20, DoubleFolder, ML};
 use test_support::ffx::frame_textures::Textures;
 use test_support::ffx::world_in_rect;
@@ -570,7 +570,14 @@ fn invalid_inputs_are_refused_with_the_field_s_name() {
     let pictures = of(&textures);
     let deep =
         writable_texture(&gpu, (SIZE.width, SIZE.height), DXGI_FORMAT_R16G16B16A16_FLOAT, D3D12_RESOURCE_STATE_COMMON);
+    // As engines make a depth buffer that no shader reads.
+    let flags = D3D12_RESOURCE_FLAG_ALLOW_DEPTH_STENCIL | D3D12_RESOURCE_FLAG_DENY_SHADER_RESOURCE;
+    let unreadable = texture_desc((SIZE.width, SIZE.height), DXGI_FORMAT_D32_FLOAT, flags);
+    let state = D3D12_RESOURCE_STATE_DEPTH_WRITE;
+    let resource = resources::create_resource(&gpu, D3D12_HEAP_TYPE_DEFAULT, &unreadable, state);
+    let unreadable = TestResource { resource, state };
     for (invalid, field) in [
+        (GenerationTextures { depth: unreadable.with_state(), ..pictures }, "depth"),
         (GenerationTextures { color: foreign.color.with_state(), ..pictures }, "color"),
         (GenerationTextures { output: small.output.with_state(), ..pictures }, "output"),
         (GenerationTextures { output: deep.with_state(), ..pictures }, "output"),

@@ -28,7 +28,7 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Fetch what the demo needs: ONNX Runtime, a Python environment, a random-weight world, nasm where apt has it
+    /// Fetch what the demo needs: ONNX Runtime, nasm where apt has it
     Setup {
         /// Fetch what the tests need as well: the test worlds, ONNX Runtime with its WebGPU provider and its newest version, the weights of LPIPS, the Windows target with a linker, Mono and .NET, cargo-deny, mdBook
         #[arg(long)]

@@ -65,7 +65,7 @@ class Library:
             # CDLL, not PyDLL: the GIL is released during every call.
             loaded = ctypes.CDLL(str(path))
         except OSError as why:
-            raise _unusable(path, *(_library_file.explain_failure(str(why)) or (f"cannot be loaded: {why}", REMEDY))) from None
+            raise _unusable(path, *(_library_file.explain_failure(why) or (f"cannot be loaded: {why}", REMEDY))) from None
         self.abi_version = self._resolve(loaded, "abi_version")()
         if self.abi_version != c.ABI_VERSION:
             cause = f"has the binary interface {self.abi_version}, and this package was made for {c.ABI_VERSION}"

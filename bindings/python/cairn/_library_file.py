@@ -117,8 +117,13 @@ def _minimum_size(head: bytes) -> int:
     return end
 
 
-def explain_failure(message: str) -> tuple[str, str] | None:
-    """An explanation and a remedy for a known message with which a system refuses to load a library of the right platform."""
+# ERROR_SYSTEM_INTEGRITY_POLICY_VIOLATION and that of Smart App Control, which refuse unsigned libraries.
+_BY_POLICY = (4550, 4551)
+
+
+def explain_failure(why: OSError) -> tuple[str, str] | None:
+    """An explanation and a remedy for a known error with which a system refuses to load a library of the right platform."""
+    message = str(why)
     if found := re.search(r"GLIBC_(\d+(?:\.\d+)+)[^\d.].*not found", message):
         cause = f"needs glibc {found[1]} or newer, and this system has {_c_library()}"
         remedy = "Use a newer Linux, such as Debian 10, Ubuntu 20.04, RHEL 8 or later for the wheel, or build the library on this one"
@@ -126,7 +131,11 @@ def explain_failure(message: str) -> tuple[str, str] | None:
     if sys.platform.startswith("linux") and not _glibc():
         remedy = "Use a Linux with glibc, or build the library on this one"
         return f"is made for glibc, and this system has {_c_library()}: {message}", remedy
-    if sys.platform == "win32" and "126" in message:
+    if sys.platform == "win32" and getattr(why, "winerror", None) in _BY_POLICY:
+        remedy = "Ask whoever set the policy, or turn Smart App Control off: it lets no unsigned library of this name run"
+        return f"is blocked by a policy of this Windows: {message}", remedy
+    # ctypes gives no number for a library that needs another one.
+    if sys.platform == "win32" and isinstance(why, FileNotFoundError):
         remedy = "Use Windows 10 or later, with all its updates"
         return f"needs a library that this system does not have: {message}", remedy
     return None

@@ -1,12 +1,14 @@
 """`cairn._interface` against `abi.txt`."""
 
 import ctypes
+import sys
 from pathlib import Path
 
 import pytest
 
 import cairn
 from cairn import _interface as c
+from cairn import _library, _library_file
 from cairn.errors import _KINDS
 
 RECORD = (Path(__file__).parents[3] / "abi.txt").read_text(encoding="utf-8").splitlines()
@@ -108,3 +110,19 @@ def test_all_exported_names_exist():
 def test_a_struct_starts_as_zeroes(name):
     struct = STRUCTS[name]()
     assert bytes(struct)[4:] == bytes(ctypes.sizeof(struct) - 4)
+
+
+@pytest.mark.parametrize(
+    ("why", "words"),
+    [
+        (FileNotFoundError("Could not find module 'cairn.dll' (or one of its dependencies)."), "this system does not have"),
+        (OSError(22, "An Application Control policy has blocked this file"), "policy of this Windows"),
+    ],
+)
+def test_reasons_of_windows_are_explained(monkeypatch, why, words):
+    monkeypatch.setattr(sys, "platform", "win32")
+    if not isinstance(why, FileNotFoundError):
+        why.winerror = 4551
+    cause, remedy = _library_file.explain_failure(why)
+    assert words in cause and remedy != _library.REMEDY
+    assert _library_file.explain_failure(OSError("another reason")) is None

@@ -33,6 +33,7 @@ mod weights;
 mod wire;
 mod writer;
 
+pub(super) use blocks::check_scales;
 pub(super) use check::{ExternalData, ModelContext, check, footprint};
 pub(crate) use largest_weight::largest_weight;
 pub(crate) use model_writer::{ModelWriter, ValueType};

@@ -2,14 +2,10 @@
 
 use std::ffi::{CStr, c_void};
 use std::fmt;
-use std::fs::File;
-use std::io::Read;
 use std::os::windows::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
-use windows::Win32::Foundation::{
-    ERROR_BAD_EXE_FORMAT, ERROR_DLL_INIT_FAILED, ERROR_MOD_NOT_FOUND, ERROR_PROC_NOT_FOUND, HANDLE, HMODULE,
-};
+use windows::Win32::Foundation::{HANDLE, HMODULE};
 use windows::Win32::Storage::FileSystem::{
     GetFileVersionInfoSizeW, GetFileVersionInfoW, VS_FIXEDFILEINFO, VerQueryValueW,
 };
@@ -20,6 +16,7 @@ use windows::Win32::System::LibraryLoader::{
 use windows::Win32::System::Threading::GetCurrentProcess;
 use windows::core::{HRESULT, PCSTR, PCWSTR, w};
 
+use crate::libraries::load_refusal;
 use crate::{Error, ErrorKind, Result};
 
 #[link(name = "kernel32")]
@@ -85,51 +82,10 @@ impl Module {
     }
 }
 
-/// The processor type in a library's PE header, as text, if it is not x64.
-fn other_machine(path: &Path) -> Option<String> {
-    let mut start = Vec::new();
-    File::open(path).ok()?.take(1 << 16).read_to_end(&mut start).ok()?;
-    let half = |at: usize| Some(u16::from_le_bytes(*start.get(at..)?.first_chunk()?));
-    // The offset of the PE header is a 32-bit number at 0x3c; its upper half is 0 in real libraries.
-    let header = usize::from(half(0x3c)?);
-    if start.get(header..header + 4)? != b"PE\0\0" {
-        return None;
-    }
-    match half(header + 4)? {
-        0x8664 => None,
-        0x014c => Some("32-bit x86".to_owned()),
-        0xaa64 => Some("64-bit ARM".to_owned()),
-        0x01c4 => Some("32-bit ARM".to_owned()),
-        other => Some(format!("processors of type {other:#06x}")),
-    }
-}
-
 /// The error for a file that the system does not load.
 fn refused(path: &Path, code: HRESULT) -> Error {
-    if let Some(machine) = other_machine(path) {
-        let cause = format!("it cannot be loaded: it is made for {machine}, and this process is of 64-bit x86");
-        return Error::new(ErrorKind::RuntimeMissing, cause)
-            .field(path.display().to_string())
-            .remedy("Use AMD's own file for x64");
-    }
-    let known = [
-        (
-            ERROR_MOD_NOT_FOUND,
-            "something that it needs is missing",
-            "Install the Visual C++ 2015-2022 redistributable for x64",
-        ),
-        (ERROR_BAD_EXE_FORMAT, "it is no library for 64-bit Windows, or damaged", "Use AMD's own file for x64"),
-        (
-            ERROR_PROC_NOT_FOUND,
-            "something that it needs is too old",
-            "Bring Windows and the Visual C++ redistributable up to date",
-        ),
-        (ERROR_DLL_INIT_FAILED, "it does not start", "Use another release of it"),
-    ];
-    let found = known.into_iter().find(|(error, ..)| error.to_hresult() == code);
-    let (_, why, remedy) =
-        found.unwrap_or((ERROR_BAD_EXE_FORMAT, "the system refuses it", "Use AMD's own file for x64"));
-    Error::new(ErrorKind::RuntimeMissing, format!("it cannot be loaded: {why} ({:#010x})", code.0))
+    let (cause, remedy) = load_refusal(path, code, "Use AMD's own file for x64");
+    Error::new(ErrorKind::RuntimeMissing, format!("it cannot be loaded: {cause}"))
         .field(path.display().to_string())
         .remedy(remedy)
 }

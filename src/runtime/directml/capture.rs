@@ -6,7 +6,6 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use crate::locks::Mutex;
 use ort::AsPointer;
 use ort::session::{NoSelectedOutputs, RunOptions};
 
@@ -32,15 +31,12 @@ pub(super) struct CaptureQuota {
     next: AtomicUsize,
     /// Why no capture is allowed; `None` if captures are allowed.
     refused: Option<String>,
-    /// Held during each run: ONNX Runtime does not serialise captured runs of different threads, and the provider is not
-    /// thread-safe.
-    pub(super) run_lock: Mutex<()>,
 }
 
 impl CaptureQuota {
     /// For a session that allows `count` captures.
     pub(super) fn up_to(count: usize) -> Self {
-        Self { left: AtomicUsize::new(count), next: AtomicUsize::new(1), refused: None, run_lock: Mutex::new(()) }
+        Self { left: AtomicUsize::new(count), next: AtomicUsize::new(1), refused: None }
     }
 
     /// For a session that allows no capture, with the reason.

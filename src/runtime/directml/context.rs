@@ -15,6 +15,7 @@ use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Re
 use windows::core::Interface;
 
 use super::capture::{CaptureRunOptions, CaptureState};
+use super::device::DirectMlDevice;
 use super::finite_check::FiniteCheck;
 use super::graph_data::DirectMlGraph;
 use super::interval_times::WorkKind;
@@ -79,6 +80,7 @@ pub(super) struct DirectMlContext {
     /// Options for runs without capture; set once a bound session allows capture.
     uncaptured_options: Option<CaptureRunOptions>,
     pub(super) gpu: Gpu,
+    directml: DirectMlDevice,
     bytes: Bytes,
     read: Arc<AtomicU64>,
     /// Time spent inside ONNX Runtime.
@@ -143,9 +145,14 @@ pub(super) struct Bound {
 }
 
 impl DirectMlContext {
-    pub(super) fn new(gpu: &Gpu, kernels: &Arc<Kernels>, longest: Option<Duration>) -> Result<Self> {
+    pub(super) fn new(
+        gpu: &Gpu,
+        directml: &DirectMlDevice,
+        kernels: &Arc<Kernels>,
+        longest: Option<Duration>,
+    ) -> Result<Self> {
         // Some drivers do not fail when objects are created on a removed device.
-        if let Some(gone) = gpu.removed() {
+        if let Some(gone) = directml.removed() {
             return Err(gone);
         }
         let mut recorder = Recorder::new(gpu)?;
@@ -178,6 +185,7 @@ impl DirectMlContext {
             expected,
             uncaptured_options,
             gpu,
+            directml: directml.clone(),
             bytes,
             read,
             in_onnxruntime,
@@ -227,23 +235,24 @@ impl DirectMlContext {
 
     /// Runs a binding in ONNX Runtime; `options` are null or live.
     fn run_with(&mut self, id: BindingId, options: *const ort::sys::OrtRunOptions) -> Result<()> {
-        // ONNX Runtime would submit its work first and check for a removed device after that.
-        if let Some(gone) = self.gpu.removed() {
+        // ONNX Runtime would submit its work first and check for a removed device after that. DirectML's device can be removed alone, and
+        // then binds nothing.
+        if let Some(gone) = self.directml.removed() {
             return Err(gone);
         }
         let Bound { binding, graph, .. } = &self.bindings[id.0];
         let run = ort::api().RunWithBinding;
         let start = Instant::now();
-        let run_lock = self.uncaptured_options.as_ref().map(|_| DirectMlGraph::of(graph).captures().run_lock.lock());
+        let run_lock = DirectMlGraph::of(graph).run_lock().lock();
         let session = graph.session().ptr().cast_mut();
-        // SAFETY: a session may run on several threads; this binding and its buffers are used by `&mut self` alone.
+        // SAFETY: one run of the session at a time; this binding and its buffers are used by `&mut self` alone.
         let run = || unsafe { run(session, options, binding.ptr()) };
         let status = self.gpu.anchors().with_event(DirectMlGraph::of(graph).title(), run);
         drop(run_lock);
         self.in_onnxruntime += start.elapsed();
         // SAFETY: the status is what the call above returned, used once.
         unsafe { ort::Error::result_from_status(status) }
-            .map_err(|e| self.gpu.or_removed(ort_failure("run a graph", &e)))
+            .map_err(|e| self.directml.or_removed(ort_failure("run a graph", &e)))
     }
 
     /// Fills a buffer with zeroes, including the padding of its last 32-bit word, which shaders read.

@@ -4,6 +4,7 @@ use std::ffi::{CStr, CString};
 
 use super::capture::CaptureQuota;
 use super::weights::Weights;
+use crate::quiet_mutex::QuietMutex;
 use crate::runtime::Graph;
 
 /// Profiler name, capture quota and weights of a graph. The general [`Graph`](crate::runtime::Graph) only stores it.
@@ -12,12 +13,18 @@ pub(super) struct DirectMlGraph {
     title: CString,
     captures: CaptureQuota,
     weights: Weights,
+    run_lock: QuietMutex<()>,
 }
 
 impl DirectMlGraph {
     /// Data of the graph called `what`. Its session allows `captures`, and takes `weights` as inputs after the graph's own inputs.
     pub(super) fn new(what: &str, captures: CaptureQuota, weights: Weights) -> Self {
-        Self { title: CString::new(format!("Cairn: {what}")).unwrap_or_default(), captures, weights }
+        Self {
+            title: CString::new(format!("Cairn: {what}")).unwrap_or_default(),
+            captures,
+            weights,
+            run_lock: QuietMutex::new(()),
+        }
     }
 
     /// The data of a graph of this backend.
@@ -33,6 +40,12 @@ impl DirectMlGraph {
     /// The captures that the session allows.
     pub(super) fn captures(&self) -> &CaptureQuota {
         &self.captures
+    }
+
+    /// Held during each run: the provider keeps the lists and buffers of a session without locks, and ONNX Runtime takes none for it. Runs of
+    /// different sessions may overlap.
+    pub(super) fn run_lock(&self) -> &QuietMutex<()> {
+        &self.run_lock
     }
 
     /// The weights that are bound as inputs.

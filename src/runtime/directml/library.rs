@@ -1,4 +1,4 @@
-//! Loads DirectML: the library beside ONNX Runtime's, by its absolute path, unless the process has loaded one already.
+//! Loads DirectML: the library beside ONNX Runtime's, by its absolute path.
 
 use std::ffi::c_void;
 use std::os::windows::ffi::OsStrExt;
@@ -11,59 +11,41 @@ use windows::Win32::Foundation::HMODULE;
 use windows::Win32::System::LibraryLoader::{
     GetProcAddress, LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR, LOAD_LIBRARY_SEARCH_SYSTEM32, LoadLibraryExW,
 };
-use windows::core::{GUID, HRESULT, Interface, PCWSTR, s, w};
+use windows::core::{GUID, HRESULT, Interface, PCWSTR, s};
 
 use super::unsupported;
 use crate::gpu::Gpu;
-use crate::libraries::canonical;
+use crate::libraries::load_refusal;
 use crate::runtime::Ort;
-use crate::runtime::module::{self, LibraryVersion};
 use crate::{Error, ErrorKind, Result};
 
-/// The library. It is never unloaded: ONNX Runtime finds it by name when the first session is made.
+/// The library. It is never unloaded: its devices run its code.
 pub(super) struct DirectMlLibrary {
     module: HMODULE,
     path: PathBuf,
 }
 
-/// The oldest supported version: the release that ONNX Runtime 1.24 with DirectML is built against.
-const OLDEST: LibraryVersion = LibraryVersion([1, 15, 0, 0]);
-
-/// Loads DirectML, or uses the one that is loaded.
-///
-/// When a library is requested by name, Windows returns the one of this name that is loaded already: if the engine has loaded its
-/// DirectML first, ONNX Runtime gets the engine's. That one is used if its version is new enough; an older one is an error.
+/// Loads DirectML, beside another one that the engine may have loaded: a library that is named by its whole path is that file. ONNX Runtime
+/// uses the device that is made of it, and loads no DirectML of its own then.
 pub(super) fn load(ort: &Ort) -> Result<DirectMlLibrary> {
     let path = ort.path().with_file_name("DirectML.dll");
-    let missing = |why: String| {
-        Error::new(ErrorKind::RuntimeMissing, why)
-            .field(path.display().to_string())
-            .remedy("Put the DirectML.dll of the package onnxruntime-directml beside onnxruntime.dll")
+    let missing = |why: String, remedy: &str| {
+        Error::new(ErrorKind::RuntimeMissing, why).field(path.display().to_string()).remedy(remedy)
     };
     if !path.is_file() {
-        return Err(missing("DirectML's library is not there".to_owned()));
-    }
-    if let Some(first) = module::loaded(w!("DirectML.dll")) {
-        let described = module::described(&first.path);
-        if canonical(&first.path).is_ok_and(|first| canonical(&path).is_ok_and(|own| first == own)) {
-            return Ok(DirectMlLibrary { module: first.handle, path });
-        }
-        if LibraryVersion::of(&first.path).is_some_and(|version| version >= OLDEST) {
-            log::info!("DirectML is the one that the process has already: {described}");
-            return Ok(DirectMlLibrary { module: first.handle, path: first.path });
-        }
-        return Err(unsupported(format!(
-            "a DirectML.dll older than 1.15 is in this process already, which ONNX Runtime would use: {described}"
-        ))
-        .remedy("Load Cairn's device before the engine's DirectML, or give the engine DirectML 1.15 or newer"));
+        return Err(missing("DirectML's library is not there".to_owned(), REMEDY));
     }
     let wide: Vec<u16> = path.as_os_str().encode_wide().chain([0]).collect();
     let search = LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR | LOAD_LIBRARY_SEARCH_SYSTEM32;
     // SAFETY: a NUL-terminated path. Runs the initialisers of a library beside the one that the caller named, and so trusts.
-    let module = unsafe { LoadLibraryExW(PCWSTR(wide.as_ptr()), None, search) }
-        .map_err(|e| missing(format!("DirectML's library cannot be loaded: {e}")))?;
+    let module = unsafe { LoadLibraryExW(PCWSTR(wide.as_ptr()), None, search) }.map_err(|e| {
+        let (cause, remedy) = load_refusal(&path, e.code(), REMEDY);
+        missing(format!("DirectML's library cannot be loaded: {cause}"), remedy)
+    })?;
     Ok(DirectMlLibrary { module, path })
 }
+
+const REMEDY: &str = "Put the DirectML.dll of the package onnxruntime-directml beside onnxruntime.dll";
 
 impl DirectMlLibrary {
     /// Makes a DirectML device on a Direct3D device.

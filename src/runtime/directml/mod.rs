@@ -4,6 +4,7 @@ mod backup;
 mod capture;
 mod capture_check;
 mod context;
+mod device;
 mod finite_check;
 mod graph_data;
 mod interval_times;
@@ -23,7 +24,6 @@ use crate::locks::Mutex;
 use ort::AsPointer;
 use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
-use windows::Win32::AI::MachineLearning::DirectML::IDMLDevice;
 use windows::core::Interface;
 
 use super::device::{Backend, DeviceKind, DeviceMemory};
@@ -31,6 +31,7 @@ use super::failure::make;
 use super::graph::TensorSpec;
 use super::{ExecutionContext, Graph, Ort};
 use backup::DeviceBackup;
+use device::DirectMlDevice;
 use graph_data::DirectMlGraph;
 pub(crate) use snapshot::Snapshot;
 
@@ -80,27 +81,24 @@ impl DirectMlOptions {
 pub(super) struct DirectMlBackend {
     ort: Ort,
     gpu: Gpu,
-    device: IDMLDevice,
+    device: DirectMlDevice,
+    precision: Precision,
     kernels: Arc<context::Kernels>,
     name: String,
     /// For worlds that are loaded and rollouts that are made from now on.
     pub(super) options: Mutex<DirectMlOptions>,
 }
 
-// SAFETY: IDMLDevice may be used from any thread by DirectML's contract; the bindings do not know it.
-unsafe impl Send for DirectMlBackend {}
-// SAFETY: as above.
-unsafe impl Sync for DirectMlBackend {}
-
 impl DirectMlBackend {
     pub(super) fn new(ort: &Ort, gpu: &Gpu, options: DirectMlOptions) -> Result<Self> {
         // Checked first: DirectML.dll is missing beside most builds without the provider, and adding it would not help.
         provider().map_err(|_| no_provider(ort))?;
         let library = library::load(ort)?;
-        let device = library.device(gpu)?;
+        let device = DirectMlDevice::new(library.device(gpu)?, gpu);
+        let precision = if device.has_float16() { Precision::F16 } else { Precision::F32 };
         let name = gpu.adapter_name().unwrap_or_else(|| format!("adapter {:#x}", gpu.luid()));
         let kernels = context::Kernels::new(gpu)?;
-        Ok(Self { ort: ort.clone(), gpu: gpu.clone(), device, kernels, name, options: Mutex::new(options) })
+        Ok(Self { ort: ort.clone(), gpu: gpu.clone(), device, precision, kernels, name, options: Mutex::new(options) })
     }
 
     /// The session options that all graphs share.
@@ -115,6 +113,8 @@ impl DirectMlBackend {
             // Required by the provider: it runs nodes in order and manages its own memory.
             .with_parallel_execution(false)?
             .with_memory_pattern(false)?
+            // Every session would make a pool of as many threads as the processor has cores, which a graphics device has no work for.
+            .with_intra_threads(1)?
             // A node that falls back to the processor would copy its tensors to the host and back in every pass.
             .with_config_entry("session.disable_cpu_ep_fallback", "1")?
             .with_deterministic_compute(options.deterministic)?;
@@ -136,7 +136,7 @@ impl DirectMlBackend {
         let queue = self.gpu.anchors().d3d12();
         let append = api.SessionOptionsAppendExecutionProvider_DML1;
         // SAFETY: live options, device and queue; the provider takes references of its own.
-        let status = unsafe { append(builder.ptr_mut(), self.device.as_raw().cast(), queue.as_raw().cast()) };
+        let status = unsafe { append(builder.ptr_mut(), self.device.raw().cast(), queue.as_raw().cast()) };
         // SAFETY: the status is what the call above returned, used once.
         unsafe { ort::Error::result_from_status(status) }?;
         Ok(builder)
@@ -150,7 +150,7 @@ impl Backend for DirectMlBackend {
     }
 
     fn precision(&self) -> Precision {
-        Precision::F16
+        self.precision
     }
 
     fn threads(&self) -> usize {
@@ -165,7 +165,7 @@ impl Backend for DirectMlBackend {
         inputs: Vec<TensorSpec>,
         outputs: Vec<TensorSpec>,
     ) -> Result<Arc<Graph>> {
-        if let Some(gone) = self.gpu.removed() {
+        if let Some(gone) = self.device.removed() {
             return Err(gone);
         }
         let options = self.options.lock().clone();
@@ -192,13 +192,13 @@ impl Backend for DirectMlBackend {
             let data = DirectMlGraph::new(what, captures, Weights::new(&self.gpu, &weights)?);
             Ok(Arc::new(graph.with_data(data)))
         };
-        graph.and_then(with_data).map_err(|e| self.gpu.removed().unwrap_or(e))
+        graph.and_then(with_data).map_err(|e| self.device.removed().unwrap_or(e))
     }
 
     fn context(&self, longest_submission: Option<Duration>) -> Result<Box<dyn ExecutionContext>> {
         let limits = [self.options.lock().longest_submission, longest_submission];
         let longest = limits.into_iter().flatten().min();
-        Ok(Box::new(context::DirectMlContext::new(&self.gpu, &self.kernels, longest)?))
+        Ok(Box::new(context::DirectMlContext::new(&self.gpu, &self.device, &self.kernels, longest)?))
     }
 
     fn gpu(&self) -> Option<&Gpu> {

@@ -15,6 +15,7 @@ use super::super::failure::make;
 use super::adapters::{self, VulkanAdapter};
 use super::value::check;
 use crate::locks::Mutex;
+use crate::quiet_mutex::QuietMutex;
 use crate::runtime::DeviceMemory;
 use crate::runtime::Ort;
 use crate::{Error, ErrorKind, LibrarySearch, Result};
@@ -31,10 +32,10 @@ pub(super) const RECORD_PROVIDERS: &str = "session.record_ep_graph_assignment_in
 
 /// Held during every call that reaches the provider. It has one queue and one set of buffers for the whole process, which are not safe to use
 /// from two threads.
-pub(super) static LOCK: Mutex<()> = Mutex::new(());
+pub(super) static LOCK: QuietMutex<()> = QuietMutex::new(());
 
 /// The plugin's library, if it is registered with ONNX Runtime. It has one device for the whole process, which lasts as long.
-static REGISTERED: Mutex<Option<Arc<Registration>>> = Mutex::new(None);
+static REGISTERED: QuietMutex<Option<Arc<Registration>>> = QuietMutex::new(None);
 
 /// Held by all that uses the registered library: its sessions and its memory.
 pub(super) struct Registration {

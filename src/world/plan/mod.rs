@@ -178,7 +178,9 @@ impl Planner {
         plan.cache = match self.cache_mode {
             CacheMode::Separate => CachePass::Separate,
             CacheMode::Fused => CachePass::Fused,
-            CacheMode::Interval(k) if (self.clocks.generated + 1).is_multiple_of(u64::from(k)) => CachePass::Separate,
+            CacheMode::Interval(k) if self.clocks.generated.wrapping_add(1).is_multiple_of(u64::from(k)) => {
+                CachePass::Separate
+            }
             CacheMode::Interval(_) => CachePass::Skip,
         };
         self.fill(input, plan)

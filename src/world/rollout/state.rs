@@ -19,6 +19,7 @@ use sha2::{Digest, Sha256};
 use super::Rollout;
 use super::limits::Limits;
 use crate::bundle::Precision;
+use crate::error::printable;
 use crate::world::operating_point::OperatingPoint;
 use crate::world::plan::Planner;
 use crate::{Error, ErrorKind, Result};
@@ -102,7 +103,8 @@ impl Rollout {
     /// global window, or holds a value that is not finite. The rollout is unchanged then.
     pub fn restore(&mut self, state: &[u8]) -> Result<()> {
         let (head, planner_state, payload) = split(state)?;
-        let head: Head = serde_json::from_slice(head).map_err(|e| damaged(&format!("its head is not valid: {e}")))?;
+        let head: Head = serde_json::from_slice(head)
+            .map_err(|e| damaged(&format!("its head is not valid: {}", printable(&e.to_string()))))?;
         let own = self.head();
         for (field, found, expected) in
             [("bundle", &head.bundle, &own.bundle), ("precision", &head.precision, &own.precision)]

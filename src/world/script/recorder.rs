@@ -2,8 +2,8 @@
 
 use crate::world::controls::ControlInput;
 use crate::world::keys::{Key, KeySet};
-use crate::world::script::{Action, ControlScript, MAX_EVENTS, ScriptEvent};
-use crate::world::time::WorldTime;
+use crate::world::script::{Action, ControlScript, MAX_EVENT_MOUSE, MAX_EVENT_SCROLL, MAX_EVENTS, ScriptEvent};
+use crate::world::time::{MAX_SECONDS, MICROS, WorldTime, format_micros};
 use crate::{Error, ErrorKind, Result};
 
 /// Collects input events as they happen, or the controls of whole latent steps, and makes a [`ControlScript`] of them.
@@ -74,14 +74,21 @@ impl ScriptRecorder {
             )
             .field("span"));
         }
-        for key in self.held.iter().filter(|key| !input.keys().contains(*key)) {
-            self.key_at(before, key, false)?;
-        }
-        for key in input.keys().iter() {
-            self.key_at(within, key, true)?;
-        }
-        self.mouse(start, input.mouse())?;
-        self.scroll(start, input.scroll() as i32)
+        let (recorded, held) = (self.events.len(), self.held);
+        let mut record = || {
+            for key in held.iter().filter(|key| !input.keys().contains(*key)) {
+                self.key_at(before, key, false)?;
+            }
+            for key in input.keys().iter() {
+                self.key_at(within, key, true)?;
+            }
+            self.mouse(start, input.mouse())?;
+            self.scroll(start, input.scroll() as i32)
+        };
+        record().inspect_err(|_| {
+            self.events.truncate(recorded);
+            self.held = held;
+        })
     }
 
     /// Ends the recording; keys that are still held are released.
@@ -116,6 +123,24 @@ impl ScriptRecorder {
             return Err(Error::new(ErrorKind::InvalidArgument, "the recording is full")
                 .field("script")
                 .remedy("Finish it and start another"));
+        }
+        let refuse = |what: String, remedy: String| {
+            Err(Error::new(ErrorKind::InvalidArgument, what).field("script").remedy(remedy))
+        };
+        if at > MAX_SECONDS * MICROS {
+            return refuse(
+                format!("an event at {} s", format_micros(at)),
+                format!("A script ends after {MAX_SECONDS} s: finish it and start another"),
+            );
+        }
+        match action {
+            Action::Mouse { motion, .. } if motion.iter().any(|counts| counts.abs() > MAX_EVENT_MOUSE) => {
+                return refuse(format!("a motion of {motion:?} counts"), format!("Use {MAX_EVENT_MOUSE:e} at most"));
+            }
+            Action::Scroll(notches) if notches.unsigned_abs() > MAX_EVENT_SCROLL.unsigned_abs() => {
+                return refuse(format!("a turn of {notches} notches"), format!("Use {MAX_EVENT_SCROLL} at most"));
+            }
+            _ => {}
         }
         // A clock that steps back must not reorder a press and its release.
         let at = self.events.last().map_or(at, |last| at.max(last.at));

@@ -260,6 +260,41 @@ fn live_events_are_recorded_without_repeats() {
 }
 
 #[test]
+fn a_recording_takes_nothing_that_no_script_may_hold() {
+    let (end, w) = (WorldTime::from_micros(MAX_SECONDS * MICROS), Key(87));
+    let mut recorder = ScriptRecorder::new();
+    recorder.mouse(WorldTime::ZERO, [1e9, -1e9]).unwrap();
+    recorder.scroll(WorldTime::ZERO, -MAX_EVENT_SCROLL).unwrap();
+    let late = WorldTime::from_micros(u64::MAX);
+    let refused = [
+        recorder.mouse(WorldTime::ZERO, [3e38, 0.0]),
+        recorder.scroll(WorldTime::ZERO, i32::MIN),
+        recorder.scroll(WorldTime::ZERO, MAX_EVENT_SCROLL + 1),
+        recorder.key(late, w, true),
+        recorder.step(end, WorldTime::from_micros(MAX_SECONDS * MICROS + 66_667), &ControlInput::IDLE),
+    ];
+    // The idle step records no event.
+    assert_eq!(refused.map(|result| result.is_err()), [true, true, true, true, false]);
+    recorder.key(end, w, true).unwrap();
+    let script = recorder.finish(end).unwrap();
+    assert!(ControlScript::parse(&script.write()).is_ok());
+}
+
+#[test]
+fn a_step_that_does_not_fit_changes_nothing() {
+    let mut full = ScriptRecorder::new();
+    while full.scroll(WorldTime::ZERO, 1).is_ok() {}
+    let mut almost = ScriptRecorder::new();
+    (0..MAX_EVENTS - 257).for_each(|_| almost.scroll(WorldTime::ZERO, 1).unwrap());
+    let before = almost.clone().finish(at(9, 15)).unwrap().write();
+    let keys: KeySet = [Key(65), Key(66)].into_iter().collect();
+    let input = ControlInput::new([0.0; 2], keys, 0.0).unwrap();
+    assert!(almost.step(at(1, 15), at(2, 15), &input).is_err(), "one of two keys fits");
+    assert_eq!(almost.clone().finish(at(9, 15)).unwrap().write(), before);
+    almost.key(at(3, 15), Key(65), true).unwrap();
+}
+
+#[test]
 fn errors_name_line_column_and_remedy() {
     for (body, position) in [
         ("1", "line 2, column 2"),

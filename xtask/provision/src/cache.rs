@@ -81,8 +81,21 @@ pub(crate) fn publish(finished: &Path, destination: &Path) -> Result<()> {
     if destination.is_dir() {
         remove(destination)?;
     }
-    fs::rename(finished, destination).map_err(|e| Error::io(destination, &e))
+    let mut left = if cfg!(windows) { RENAME_ATTEMPTS } else { 1 };
+    loop {
+        left -= 1;
+        match fs::rename(finished, destination) {
+            Ok(()) => return Ok(()),
+            // A virus scanner reads what was just written.
+            Err(e) if left > 0 && e.kind() == std::io::ErrorKind::PermissionDenied => std::thread::sleep(RENAME_PAUSE),
+            Err(e) => return Err(Error::io(destination, &e)),
+        }
+    }
 }
+
+/// How often a finished folder is renamed on Windows before the error is reported, and the time between.
+const RENAME_ATTEMPTS: u32 = 100;
+const RENAME_PAUSE: std::time::Duration = std::time::Duration::from_millis(50);
 
 /// Removes a folder recursively; a missing one is not an error.
 pub(crate) fn remove(path: &Path) -> Result<()> {

@@ -132,7 +132,7 @@ pub fn onnxruntime(progress: &dyn Progress) -> Result<PathBuf> {
         ("macos", "aarch64") => &MACOS_AARCH64,
         ("windows", "x86_64") => &WINDOWS_X86_64,
         _ => {
-            let remedy = "Use Linux (x86-64, AArch64), Windows (x86-64) or macOS (AArch64)";
+            let remedy = "Use Linux (x86-64, AArch64) or Windows (x86-64)";
             return Err(no_build("ONNX Runtime", VERSION, remedy));
         }
     };

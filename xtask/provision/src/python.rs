@@ -13,8 +13,9 @@ use crate::{Error, Progress, Result, repository};
 /// The oldest Python that works.
 const OLDEST: (u32, u32) = (3, 11);
 
-/// Tried in this order; the versioned names help where `python3` is an old one.
-const NAMES: [&str; 7] = ["python3", "python", "python3.15", "python3.14", "python3.13", "python3.12", "python3.11"];
+/// Tried in this order; the versioned names help where `python3` is an old one, and `py` starts the Pythons of Windows that are not on the PATH.
+const NAMES: [&str; 8] =
+    ["python3", "python", "py", "python3.15", "python3.14", "python3.13", "python3.12", "python3.11"];
 
 /// Pinned packages, one per line.
 pub(crate) const REQUIREMENTS: &str = include_str!("../requirements.txt");
@@ -161,7 +162,7 @@ fn explain(wanted: &str, outcome: &Outcome) -> Error {
     }
     if all.contains("No matching distribution") {
         let remedy = "Check that pip's index carries this version for this platform (pip config list), or use 64-bit \
-                      Python on Linux, Windows or macOS";
+                      Python on Linux or Windows";
         return Error::new(wanted, format!("pip finds no such package:\n{tail}\n"), remedy);
     }
     if all.contains("No space left on device") {

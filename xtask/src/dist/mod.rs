@@ -40,7 +40,7 @@ pub(crate) enum Platform {
 }
 
 impl Platform {
-    const ALL: [Self; 2] = [Self::Windows, Self::Linux];
+    const ALL: [Self; 2] = [Self::Linux, Self::Windows];
 
     fn name(self) -> &'static str {
         match self {

@@ -87,6 +87,10 @@ pub(super) fn long_tests(context: &Context<'_>, log: &mut Log) -> Result<Tally, 
 /// Cargo's command for tests of the workspace, without a choice.
 fn test_command(context: &Context<'_>) -> Result<std::process::Command, String> {
     let mut command = context.workspace.cargo(["test", "--workspace", "--no-fail-fast"]);
+    // As in `Context::build_programs`.
+    if cfg!(windows) {
+        command.args(["--exclude", "xtask"]);
+    }
     context.provide_worlds(&mut command)?;
     context.provide_lpips(&mut command)?;
     Ok(command)

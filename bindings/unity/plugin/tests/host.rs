@@ -404,6 +404,26 @@ fn frames_are_shown_where_the_submission_thread_is_behind() {
 }
 
 #[test]
+fn a_frame_is_shown_by_a_list_of_the_plugin_s_where_unity_has_none_open() {
+    let unity = UnityHandle::start(8);
+    unity.load();
+    let scene = Scene::new();
+    let target = texture(&unity, SIZE, 1);
+    for (count, has_none) in (0..).zip([false, true, true, false, true]) {
+        unity.has_no_list(has_none);
+        let now = INTERVAL * (4 + count) / 4;
+        assert_eq!(scene.set(now, Some(&target)), CAIRN_OK);
+        scene.show(&unity);
+        let (result, shown, _, message) = scene.get();
+        assert_eq!((result, shown), (CAIRN_OK, count + 1), "{message}");
+        assert!(is_shown(&unity, &target, scene.presenter, now), "frame {count}");
+    }
+    assert_eq!((unity.calls("ExecuteCommandList"), unity.calls("CommandRecordingState")), (3, 5));
+    assert_eq!(unity.take_violations(), [""; 0]);
+    scene.end();
+}
+
+#[test]
 fn compiled_pipelines_are_in_a_file_in_the_next_run() {
     let unity = UnityHandle::start(8);
     unity.load();
@@ -435,11 +455,15 @@ fn compiled_pipelines_are_in_a_file_in_the_next_run() {
 /// Movie rendering, a minimised window, a device that is far behind: lists run frames after they were recorded.
 #[test]
 fn a_list_shows_the_frame_that_it_was_recorded_with_however_late_it_runs() {
-    for (version, delay) in [(5, u64::MAX), (6, 3), (8, 3), (8, u64::MAX)] {
+    // Values of the frame fence that are too low by as many frames as are in flight, and one that does not grow at all.
+    let too_low = [(5, 3, 2), (8, 3, 2), (8, 2, u64::MAX)];
+    for (version, delay, early) in [(5, u64::MAX, 0), (6, 3, 0), (8, 3, 0), (8, u64::MAX, 0)].into_iter().chain(too_low)
+    {
         let unity = UnityHandle::start(version);
         unity.load();
         let scene = Scene::new();
         unity.delay(delay);
+        unity.early(early);
         let targets: Vec<_> = (0..12).map(|_| texture(&unity, SIZE, 1)).collect();
         let (mut expected, mut made, mut last) = (Vec::new(), 0, Expected::Drawn(Vec::new()));
         for (target, count) in targets.iter().zip(0_u64..) {
@@ -564,6 +588,8 @@ fn textures_that_the_queue_uses_are_released_when_it_has_finished() {
         assert_eq!(unsafe { cairn_unity_view_destroy(scene.view) }, CAIRN_OK);
         assert_eq!(unity.take_violations(), [""; 0], "v{version}");
         drop(gate);
+        // As many frames as may be in flight.
+        (0..4).for_each(|_| unity.end_frame());
         unity.wait_ignoring_loss();
         // Ending another view finds that they have executed.
         // SAFETY: live handles and a writable view.

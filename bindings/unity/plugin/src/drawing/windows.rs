@@ -1,8 +1,8 @@
 //! Frames on Unity's Direct3D 12 device.
 //!
 //! The presenter writes a frame into a texture of the view's ring. Ring textures have the size of Unity's texture and rest in the state COMMON.
-//! A command list of Unity's copies the newest one and may execute frames later. Unity's frame fence says when it has executed; until then
-//! nobody writes to that texture. So Unity need not flush anything or wait for a thread. The plugin requests Unity's texture in COPY_DEST
+//! A command list of Unity's copies the newest one and may execute frames later. Unity's frame fence, and some frames more, say when it has
+//! executed; until then nobody writes to that texture. So Unity need not flush anything or wait for a thread. The plugin requests Unity's texture in COPY_DEST
 //! only: from version 8 on by `RequestResourceState` and `NotifyResourceState` in the list that Unity records, before that by the states
 //! passed to `ExecuteCommandList` with a list of the plugin's own.
 
@@ -36,6 +36,11 @@ const LISTS: usize = 256;
 /// Maximum number of textures in a view's ring. Unity has two or three frames in flight, and its submission thread may be one behind. More
 /// are in use when lists wait long for the device, for example while a window is minimised.
 const RING: usize = 8;
+
+/// Frames after which what a list uses is free, counted from the value of the frame fence that Unity gives for the list. The header says that the
+/// list has executed at this value. In Unity the value can be of an earlier frame, while two or three frames are in flight; its own sample
+/// (`RenderAPI_D3D12.cpp` of NativeRenderingPlugin) waits for three more than the fence has completed.
+const FRAMES_IN_FLIGHT: u64 = 3;
 
 /// Unity's device, queue and fence, and the functions used to draw with them.
 pub(crate) struct Drawing {
@@ -83,17 +88,31 @@ impl Drop for InUse {
 
 /// A fence and a value. A fence of a removed device has reached every value.
 #[derive(Clone)]
-struct FencePoint(ID3D12Fence, u64);
+struct FencePoint {
+    fence: ID3D12Fence,
+    value: u64,
+    /// How much more than the value it must have.
+    margin: u64,
+}
 
 impl FencePoint {
-    fn is_reached(&self) -> bool {
+    /// The end of a frame of Unity's, to which a list belongs, by the value that Unity gives for it.
+    fn of_frame(fence: &ID3D12Fence, value: u64) -> Self {
         // SAFETY: a live fence.
-        unsafe { self.0.GetCompletedValue() >= self.1 }
+        let value = value.max(unsafe { fence.GetCompletedValue() });
+        Self { fence: fence.clone(), value, margin: FRAMES_IN_FLIGHT }
     }
 
-    /// Waits for the value until `end` at most. Returns whether it was reached.
+    fn is_reached(&self) -> bool {
+        // SAFETY: a live fence.
+        unsafe { self.fence.GetCompletedValue() >= self.value.saturating_add(self.margin) }
+    }
+
+    /// Waits for the value, without the margin, until `end` at most, when no further frame will come and the queue has ended its work. Returns
+    /// whether it was reached.
     fn wait_reached(&self, end: Instant) -> bool {
-        while !self.is_reached() {
+        let last = Self { margin: 0, ..self.clone() };
+        while !last.is_reached() {
             if Instant::now() >= end {
                 return false;
             }
@@ -300,7 +319,7 @@ impl Drawing {
             CAIRN_OK => {
                 // SAFETY: the reference returned by the call, used once.
                 let fence = unsafe { ID3D12Fence::from_raw(fence.cast()) };
-                ring.set_newest(index, FencePoint(fence, value));
+                ring.set_newest(index, FencePoint { fence, value, margin: 0 });
                 EventResult::Made(frame)
             }
             not_ready if not_ready > 0 => EventResult::Nothing,
@@ -320,11 +339,16 @@ impl Drawing {
         let Direct3d12 { command_recording_state, request_resource_state, notify_resource_state, .. } = self.api;
         let done = match (command_recording_state, request_resource_state.zip(notify_resource_state)) {
             (Some(recording), Some(states)) => self.record(recording, states, &slot.texture, &target),
-            _ => self.execute(&mut in_use.lists, &slot.texture, &target),
+            _ => Ok(None),
+        };
+        // Unity may have no list open, for instance within another event.
+        let done = match done {
+            Ok(None) => self.execute(&mut in_use.lists, &slot.texture, &target),
+            Ok(Some(until)) => Ok(until),
+            Err(why) => Err(why),
         };
         match done {
-            Ok(value) => {
-                let until = FencePoint(self.frame_fence.clone(), value);
+            Ok(until) => {
                 slot.read = Some(until.clone());
                 in_use.textures.push((until, target));
                 EventResult::Shown
@@ -333,34 +357,39 @@ impl Drawing {
         }
     }
 
-    /// Records the copy in the list that Unity has open. Returns the value of the frame fence when it has executed.
+    /// Records the copy in the list that Unity has open. Returns the end of its frame, or `None` if no list is open.
     fn record(
         &self,
         recording: Recording,
         (request, notify): (Request, Notify),
         from: &ID3D12Resource,
         target: &ID3D12Resource,
-    ) -> Result<u64, String> {
-        const NO_LIST: &str =
-            "Unity records no list where the frame is to be shown: issue the events outside of another one";
+    ) -> Result<Option<FencePoint>, String> {
         let mut state = RecordingState { list: std::ptr::null_mut() };
         // SAFETY: a function of Unity's, called on the thread it requires; the struct lives during the call.
         if unsafe { recording(&mut state) } == 0 {
-            return Err(NO_LIST.to_owned());
+            return Ok(None);
         }
         // SAFETY: null or Unity's list, which is alive and open during the event.
-        let list = unsafe { ID3D12GraphicsCommandList::from_raw_borrowed(&state.list) }.ok_or(NO_LIST)?;
+        let Some(list) = (unsafe { ID3D12GraphicsCommandList::from_raw_borrowed(&state.list) }) else {
+            return Ok(None);
+        };
         let to = D3D12_RESOURCE_STATE_COPY_DEST.0;
         // SAFETY: a live texture of Unity's.
         unsafe { request(target.as_raw(), to) };
         copy(list, from, target);
         // SAFETY: as above.
         unsafe { notify(target.as_raw(), to, 0) };
-        self.next_value()
+        self.end_of_frame().map(Some)
     }
 
-    /// Records the copy in a list of the plugin's own, which Unity executes between its lists. Returns the frame fence's value after it.
-    fn execute(&self, lists: &mut Vec<List>, from: &ID3D12Resource, target: &ID3D12Resource) -> Result<u64, String> {
+    /// Records the copy in a list of the plugin's own, which Unity executes between its lists. Returns the end of its frame.
+    fn execute(
+        &self,
+        lists: &mut Vec<List>,
+        from: &ID3D12Resource,
+        target: &ID3D12Resource,
+    ) -> Result<FencePoint, String> {
         let index = match lists.iter().position(|list| list.until.is_reached()) {
             Some(index) => index,
             None if lists.len() < LISTS => {
@@ -382,15 +411,15 @@ impl Drawing {
         let mut states = ResourceState { resource: target.as_raw(), expected: state, current: state };
         let Some(execute) = self.api.execute_command_list else { return Err("no ExecuteCommandList".to_owned()) };
         // SAFETY: a function of Unity's; a closed direct list, and the stated number of states, which live during the call.
-        until.1 = unsafe { execute(list.as_raw(), 1, &mut states) };
-        Ok(until.1)
+        *until = FencePoint::of_frame(&self.frame_fence, unsafe { execute(list.as_raw(), 1, &mut states) });
+        Ok(until.clone())
     }
 
-    /// Value that the frame fence gets at the end of the current frame.
-    fn next_value(&self) -> Result<u64, String> {
+    /// The end of the current frame.
+    fn end_of_frame(&self) -> Result<FencePoint, String> {
         let get = self.api.get_next_frame_fence_value.ok_or("no GetNextFrameFenceValue")?;
         // SAFETY: a function of Unity's, called on the thread it requires.
-        Ok(unsafe { get() })
+        Ok(FencePoint::of_frame(&self.frame_fence, unsafe { get() }))
     }
 
     /// Releases what the queue no longer uses.
@@ -398,9 +427,20 @@ impl Drawing {
         self.in_use.lock().release_finished();
     }
 
+    /// Waits until Unity's queue has ended what was submitted to it.
+    fn wait_for_queue(&self) {
+        // SAFETY: a live device.
+        let Ok(fence) = (unsafe { self.device.CreateFence::<ID3D12Fence>(0, D3D12_FENCE_FLAG_NONE) }) else { return };
+        // SAFETY: a live queue and a fence of its device.
+        if unsafe { self.queue.Signal(&fence, 1) }.is_ok() {
+            FencePoint { fence, value: 1, margin: 0 }.wait_reached(Instant::now() + TIMEOUT);
+        }
+    }
+
     /// Waits until Unity's queue has finished with the plugin's resources.
     pub(crate) fn finish(&self) {
         let in_use = std::mem::take(&mut *self.in_use.lock());
+        self.wait_for_queue();
         drop(in_use);
     }
 }
@@ -428,7 +468,7 @@ impl List {
             .map_err(|e| format!("ID3D12Device::CreateCommandList: {e}"))?;
         // SAFETY: an open, empty list.
         unsafe { list.Close() }.map_err(|e| format!("ID3D12GraphicsCommandList::Close: {e}"))?;
-        Ok(Self { allocator, list, until: FencePoint(fence.clone(), 0) })
+        Ok(Self { allocator, list, until: FencePoint { fence: fence.clone(), value: 0, margin: 0 } })
     }
 }
 

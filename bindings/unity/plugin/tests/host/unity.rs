@@ -92,6 +92,10 @@ struct Unity {
     lags: bool,
     /// Number of frames by which the submission of lists lags. Events that do not flush do not wait for it.
     delay: u64,
+    /// Whether no list is open in events.
+    has_no_list: bool,
+    /// By how many frames the values of the frame fence that the plugin gets are too low.
+    early: u64,
     /// Lists in flight, with everything that they use.
     alive: Vec<Recording>,
     textures: Vec<ID3D12Resource>,
@@ -127,6 +131,11 @@ impl Unity {
             return None;
         }
         texture
+    }
+
+    /// The value that the plugin gets for the end of the current frame.
+    fn told_value(&self) -> u64 {
+        self.next.saturating_sub(self.early).max(1)
     }
 
     /// The list that Unity is recording.
@@ -199,7 +208,7 @@ unsafe extern "system" fn get_frame_fence() -> *mut c_void {
 unsafe extern "system" fn get_next_frame_fence_value() -> u64 {
     with(|unity| {
         unity.called("GetNextFrameFenceValue", &EVENTS);
-        unity.next
+        unity.told_value()
     })
 }
 
@@ -243,7 +252,7 @@ unsafe extern "system" fn execute_command_list(list: *mut c_void, count: c_int, 
         // It executes at the end of the frame, not now.
         unity.pending.push_back(Job::List(list.cast().expect("a command list")));
         unity.states.extend(after);
-        unity.next
+        unity.told_value()
     })
 }
 
@@ -262,7 +271,7 @@ unsafe extern "system" fn configure_event(event: c_int, config: *const [u32; 3])
 unsafe extern "system" fn command_recording_state(state: *mut *mut c_void) -> u8 {
     with(|unity| {
         unity.called("CommandRecordingState", &[CallContext::Recording]);
-        if PLACE.get() != CallContext::Recording {
+        if PLACE.get() != CallContext::Recording || unity.has_no_list {
             return 0;
         }
         // SAFETY: a struct for a list.
@@ -425,6 +434,8 @@ impl UnityHandle {
             pending: VecDeque::new(),
             lags: false,
             delay: 0,
+            has_no_list: false,
+            early: 0,
             alive: Vec::new(),
             textures: Vec::new(),
             states: BTreeMap::new(),
@@ -461,6 +472,16 @@ impl UnityHandle {
     /// From now on a frame's lists are submitted after `frames` later frames have ended, or by [`Self::wait_ignoring_loss`].
     pub(crate) fn delay(&self, frames: u64) {
         with(|unity| unity.delay = frames);
+    }
+
+    /// From now on no list is open in events, or one is.
+    pub(crate) fn has_no_list(&self, has_none: bool) {
+        with(|unity| unity.has_no_list = has_none);
+    }
+
+    /// From now on the plugin gets values of the frame fence that are too low by `frames`, as in players of Unity.
+    pub(crate) fn early(&self, frames: u64) {
+        with(|unity| unity.early = frames);
     }
 
     /// Makes the queue wait, after its current work, until the gate is opened.

@@ -1,0 +1,120 @@
+//! A lock under which log messages wait. A host gets each message in a callback, from which it may call Cairn: under a lock that such a call
+//! needs, the thread would wait for itself.
+
+use std::cell::RefCell;
+use std::ops::{Deref, DerefMut};
+
+use crate::locks::{Mutex, MutexGuard};
+
+/// As [`Mutex`]. Messages that a thread logs while it holds one reach the host's callback once it holds none any more.
+pub(crate) struct QuietMutex<T>(Mutex<T>);
+
+impl<T> QuietMutex<T> {
+    pub(crate) const fn new(value: T) -> Self {
+        Self(Mutex::new(value))
+    }
+
+    /// Waits for the lock.
+    pub(crate) fn lock(&self) -> QuietGuard<'_, T> {
+        let delay = Delay::new();
+        QuietGuard { guard: self.0.lock(), _delay: delay }
+    }
+}
+
+/// The lock, held until this is dropped.
+pub(crate) struct QuietGuard<'a, T> {
+    // Fields are dropped in order: the messages are logged after the lock is released.
+    guard: MutexGuard<'a, T>,
+    _delay: Delay,
+}
+
+impl<T> Deref for QuietGuard<'_, T> {
+    type Target = T;
+
+    fn deref(&self) -> &T {
+        &self.guard
+    }
+}
+
+impl<T> DerefMut for QuietGuard<'_, T> {
+    fn deref_mut(&mut self) -> &mut T {
+        &mut self.guard
+    }
+}
+
+/// What a thread keeps.
+#[derive(Default)]
+struct Delayed {
+    /// How many locks of this kind it holds.
+    locks: usize,
+    messages: Vec<Message>,
+}
+
+struct Message {
+    level: log::Level,
+    target: String,
+    text: String,
+}
+
+thread_local! {
+    static DELAYED: RefCell<Delayed> = RefCell::default();
+}
+
+/// Delays the messages of this thread.
+struct Delay(());
+
+impl Delay {
+    fn new() -> Self {
+        _ = DELAYED.try_with(|delayed| delayed.borrow_mut().locks += 1);
+        Self(())
+    }
+}
+
+impl Drop for Delay {
+    fn drop(&mut self) {
+        let released = DELAYED.try_with(|delayed| {
+            let mut delayed = delayed.borrow_mut();
+            delayed.locks -= 1;
+            if delayed.locks == 0 { std::mem::take(&mut delayed.messages) } else { Vec::new() }
+        });
+        for Message { level, target, text } in released.unwrap_or_default() {
+            log::logger()
+                .log(&log::Record::builder().level(level).target(&target).args(format_args!("{text}")).build());
+        }
+    }
+}
+
+/// Whether the message was kept: this thread holds a lock, and logs the message again when it has released it.
+pub(crate) fn keeps(record: &log::Record<'_>) -> bool {
+    let keep = |delayed: &RefCell<Delayed>| {
+        let mut delayed = delayed.borrow_mut();
+        if delayed.locks > 0 {
+            let (target, text) = (record.target().to_owned(), record.args().to_string());
+            delayed.messages.push(Message { level: record.level(), target, text });
+        }
+        delayed.locks > 0
+    };
+    DELAYED.try_with(keep).unwrap_or(false)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_wait_until_the_last_lock_is_released() {
+        let (outer, inner) = (QuietMutex::new(1), QuietMutex::new(2));
+        let keeps = |text| keeps(&log::Record::builder().args(format_args!("{text}")).build());
+        let waiting = || DELAYED.with(|delayed| delayed.borrow().messages.len());
+        assert!(!keeps("before"));
+        let mut held = outer.lock();
+        assert!(keeps("one"));
+        drop(inner.lock());
+        *held += 1;
+        assert!(keeps("two") && *held == 2 && waiting() == 2);
+        let other_keeps = std::thread::spawn(|| super::keeps(&log::Record::builder().build()));
+        assert!(!other_keeps.join().unwrap());
+        drop(held);
+        assert!(!keeps("after") && waiting() == 0);
+    }
+}
