@@ -33,6 +33,8 @@ pub(crate) struct Python {
     pub(crate) program: PathBuf,
     /// Its version and path, the same for every run of the same installation.
     identity: String,
+    /// Whether it is that of the Microsoft Store.
+    is_of_store: bool,
 }
 
 /// Finds the machine's Python: `$CAIRN_PYTHON`, else the first of the usual names that is new enough.
@@ -65,9 +67,12 @@ pub(crate) fn find_at_least(oldest: (u32, u32)) -> Result<Python> {
 
 /// The first Python of `names` that is new enough; `nothing` is the message if there is none at all.
 fn first_of(names: &[PathBuf], oldest: (u32, u32), nothing: &str) -> Result<Python> {
-    let mut seen = Vec::new();
+    // What the Store's Python writes below AppData, where the cache is, Windows keeps apart, and no other program sees it.
+    let may_be_of_store = std::env::var_os("CAIRN_CACHE_DIR").is_some();
+    let (mut seen, mut of_store) = (Vec::new(), None);
     for name in names {
         match python_at(name, oldest) {
+            Ok(python) if python.is_of_store && !may_be_of_store => of_store = of_store.or(Some(python)),
             Ok(python) => {
                 require_pip(&python)?;
                 return Ok(python);
@@ -75,6 +80,11 @@ fn first_of(names: &[PathBuf], oldest: (u32, u32), nothing: &str) -> Result<Pyth
             Err(Some(why)) => seen.push(why),
             Err(None) => {}
         }
+    }
+    if let Some(Python { program, .. }) = of_store {
+        let cause = format!("{} is of the Microsoft Store, and other programs do not see what it writes", program.display());
+        let remedy = "Install Python of python.org, or set CAIRN_CACHE_DIR to a folder that is not below AppData";
+        return Err(Error::new("a Python whose files others see", cause, remedy));
     }
     let cause = match seen.is_empty() {
         true => nothing.to_owned(),
@@ -91,15 +101,16 @@ fn first_of(names: &[PathBuf], oldest: (u32, u32), nothing: &str) -> Result<Pyth
 /// The Python that `name` starts; else the reason why it is too old, or `None` if there is none.
 fn python_at(name: &Path, oldest: (u32, u32)) -> Result<Python, Option<String>> {
     const QUESTION: &str = "import sys, platform; print(*sys.version_info[:2]); \
-                            print(platform.python_version(), platform.machine(), sys.base_prefix)";
+                            print(platform.python_version(), platform.machine(), sys.base_prefix); print(sys.executable)";
     let answer = process::run(Command::new(name).args(["-I", "-c", QUESTION]), |_| {}).map_err(|_| None)?;
-    let (version, identity) = answer.stdout.split_once('\n').ok_or(None)?;
+    let [version, identity, program] = answer.stdout.lines().collect::<Vec<_>>()[..] else { return Err(None) };
     let (major, minor) = version.trim().split_once(' ').ok_or(None)?;
     let version: (u32, u32) = (major.parse().map_err(|_| None)?, minor.parse().map_err(|_| None)?);
     if version < oldest {
         return Err(Some(format!("{} is {}.{}", name.display(), version.0, version.1)));
     }
-    Ok(Python { program: name.to_owned(), identity: identity.trim().to_owned() })
+    let is_of_store = cfg!(windows) && program.to_ascii_lowercase().contains("\\windowsapps\\");
+    Ok(Python { program: name.to_owned(), identity: identity.trim().to_owned(), is_of_store })
 }
 
 fn require_pip(python: &Python) -> Result<()> {
