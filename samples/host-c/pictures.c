@@ -167,10 +167,11 @@ static uint8_t quantise(double value)
 }
 
 /* Converts to Y'CbCr of 8 bits and limited range: Y' = 16 + 219 y, C = 128 + 224 c with c in [-0.5, 0.5]. A Y4M file does not name its
-   luma weights; players use those of BT.709 from 720 rows on and those of BT.601 below. */
+   luma weights; players use those of BT.709 from 1280 columns or 577 rows on and those of BT.601 below. */
 static void convert_to_planes(const image *image, uint8_t *planes)
 {
-    const double red = image->height >= 720 ? 0.2126 : 0.299, blue = image->height >= 720 ? 0.0722 : 0.114;
+    const int is_high = image->width >= 1280 || image->height > 576;
+    const double red = is_high ? 0.2126 : 0.299, blue = is_high ? 0.0722 : 0.114;
     const double green = 1 - red - blue;
     const size_t count = (size_t)image->width * image->height;
     for (size_t i = 0; i < count; i++) {

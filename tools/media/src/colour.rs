@@ -1,15 +1,40 @@
-//! Converts display colour to the YCbCr of video: BT.709 matrix, limited range, 4:2:0 with left-sited chroma.
+//! Converts display colour to the YCbCr of video: limited range, 4:2:0 with left-sited chroma.
 
 use cairn::{Error, ErrorKind, Picture, Result};
 
+use super::Matrix;
+
 /// Fractional bits of the matrix.
 const BITS: u32 = 16;
-/// Luma: (0.2126, 0.7152, 0.0722) * 219/255. Chroma rows sum to zero, so that grey is exactly 128.
-const Y: [i32; 3] = [11_966, 40_254, 4_064];
-/// (B - Y) / 1.8556 * 224/255.
-const CB: [i32; 3] = [-6_596, -22_189, 28_785];
-/// (R - Y) / 1.5748 * 224/255.
-const CR: [i32; 3] = [28_784, -26_145, -2_639];
+
+/// The rows of a matrix from red, green and blue.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Rows {
+    /// The luma coefficients, times 219/255.
+    y: [i32; 3],
+    /// (B - Y) / (2 - 2 kb) * 224/255. Chroma rows sum to zero, so that grey is exactly 128.
+    cb: [i32; 3],
+    /// (R - Y) / (2 - 2 kr) * 224/255.
+    cr: [i32; 3],
+}
+
+impl Rows {
+    /// ITU-R BT.601 and BT.709: kr, kg and kb are 0.299, 0.587 and 0.114, or 0.2126, 0.7152 and 0.0722.
+    fn of(matrix: Matrix) -> Self {
+        match matrix {
+            Matrix::Bt601 => Self {
+                y: [16_829, 33_039, 6_416],
+                cb: [-9_714, -19_071, 28_785],
+                cr: [28_784, -24_103, -4_681],
+            },
+            Matrix::Bt709 => Self {
+                y: [11_966, 40_254, 4_064],
+                cb: [-6_596, -22_189, 28_785],
+                cr: [28_784, -26_145, -2_639],
+            },
+        }
+    }
+}
 
 /// One picture as three planes of bytes without padding: luma at full size, chroma at half of it, rounded up.
 ///
@@ -19,15 +44,24 @@ const CR: [i32; 3] = [28_784, -26_145, -2_639];
 pub struct Yuv420 {
     width: usize,
     height: usize,
+    rows: Rows,
     planes: [Vec<u8>; 3],
 }
 
 impl Yuv420 {
-    /// Room for a picture of `width` x `height` pixels.
+    /// Room for a picture of `width` x `height` pixels, by the matrix of BT.709.
     ///
     /// # Errors
     /// `InvalidArgument` for an empty picture, `OutOfMemory`.
     pub fn new(width: u32, height: u32) -> Result<Self> {
+        Self::with_matrix(width, height, Matrix::Bt709)
+    }
+
+    /// The same by another matrix.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn with_matrix(width: u32, height: u32, matrix: Matrix) -> Result<Self> {
         if width == 0 || height == 0 {
             return Err(Error::new(ErrorKind::InvalidArgument, "an empty picture has no planes").field("size"));
         }
@@ -41,7 +75,7 @@ impl Yuv420 {
             plane.resize(len, 0);
             Ok(plane)
         };
-        Ok(Self { width, height, planes: [plane(width * height)?, plane(chroma)?, plane(chroma)?] })
+        Ok(Self { width, height, rows: Rows::of(matrix), planes: [plane(width * height)?, plane(chroma)?, plane(chroma)?] })
     }
 
     /// `(width, height)` of plane `i`: 0 luma, 1 Cb, 2 Cr.
@@ -68,9 +102,10 @@ impl Yuv420 {
             .field("frame"));
         }
         let pixels = picture.pixels();
+        let rgb_to = &self.rows;
         let [luma, cb, cr] = &mut self.planes;
         for (y, px) in luma.iter_mut().zip(pixels) {
-            *y = quantise(dot(Y, [px[0].into(), px[1].into(), px[2].into()]), BITS, 16);
+            *y = quantise(dot(rgb_to.y, [px[0].into(), px[1].into(), px[2].into()]), BITS, 16);
         }
         let chroma_width = width.div_ceil(2);
         let rows = cb.chunks_exact_mut(chroma_width).zip(cr.chunks_exact_mut(chroma_width));
@@ -87,8 +122,8 @@ impl Yuv420 {
                     }
                 }
                 // The weights sum to 8: three more fractional bits.
-                *cb = quantise(dot(CB, sum), BITS + 3, 128);
-                *cr = quantise(dot(CR, sum), BITS + 3, 128);
+                *cb = quantise(dot(rgb_to.cb, sum), BITS + 3, 128);
+                *cr = quantise(dot(rgb_to.cr, sum), BITS + 3, 128);
             }
         }
         Ok(())
@@ -109,28 +144,35 @@ mod tests {
     use super::*;
 
     fn uniform(rgb: [u8; 3], width: u32, height: u32) -> Yuv420 {
+        uniform_by(Matrix::Bt709, rgb, width, height)
+    }
+
+    fn uniform_by(matrix: Matrix, rgb: [u8; 3], width: u32, height: u32) -> Yuv420 {
         let mut picture = Picture::new(width, height).unwrap();
         picture.pixels_mut().iter_mut().for_each(|px| px[..3].copy_from_slice(&rgb));
-        let mut yuv = Yuv420::new(width, height).unwrap();
+        let mut yuv = Yuv420::with_matrix(width, height, matrix).unwrap();
         yuv.convert(&picture).unwrap();
         yuv
     }
 
-    /// The standard's formula in floating point.
-    fn bt709(rgb: [u8; 3]) -> [f64; 3] {
+    /// The standards' formula in floating point.
+    fn wanted(matrix: Matrix, rgb: [u8; 3]) -> [f64; 3] {
+        let (kr, kb) = if matrix == Matrix::Bt601 { (0.299, 0.114) } else { (0.2126, 0.0722) };
         let [r, g, b] = rgb.map(|v| f64::from(v) / 255.0);
-        let y = 0.2126 * r + 0.7152 * g + 0.0722 * b;
-        [16.0 + 219.0 * y, 128.0 + 224.0 * (b - y) / 1.8556, 128.0 + 224.0 * (r - y) / 1.5748]
+        let y = kr * r + (1.0 - kr - kb) * g + kb * b;
+        [16.0 + 219.0 * y, 128.0 + 112.0 * (b - y) / (1.0 - kb), 128.0 + 112.0 * (r - y) / (1.0 - kr)]
     }
 
     #[test]
-    fn uniform_colours_agree_with_the_standard_to_half_a_code_value() {
+    fn uniform_colours_agree_with_the_standards_to_half_a_code_value() {
         for step in 0..512u32 {
             let rgb = [(step * 37 % 256) as u8, (step * 91 % 256) as u8, (step * 5 % 256) as u8];
-            let yuv = uniform(rgb, 5, 3);
-            for (plane, want) in bt709(rgb).into_iter().enumerate() {
-                for &got in yuv.plane(plane) {
-                    assert!((f64::from(got) - want).abs() < 0.51, "{rgb:?} plane {plane}: {got}, want {want}");
+            for matrix in [Matrix::Bt601, Matrix::Bt709] {
+                let yuv = uniform_by(matrix, rgb, 5, 3);
+                for (plane, want) in wanted(matrix, rgb).into_iter().enumerate() {
+                    for &got in yuv.plane(plane) {
+                        assert!((f64::from(got) - want).abs() < 0.51, "{rgb:?} plane {plane}: {got}, want {want}");
+                    }
                 }
             }
         }

@@ -9,7 +9,7 @@ use cairn::{ErrorKind, Picture};
 use common::decoder::{decode, psnr};
 use common::small_disk::SmallDisk;
 use media::{
-    Disk, FrameRate, Mp4Sink, PngSink, RealDisk, Recorder, RecorderReport, Sink, VideoFormat, Y4mSink, Yuv420,
+    Disk, FrameRate, Matrix, Mp4Sink, PngSink, RealDisk, Recorder, RecorderReport, Sink, VideoFormat, Y4mSink, Yuv420,
 };
 
 const SIZE: (u32, u32) = (161, 91);
@@ -87,10 +87,10 @@ fn y4m_holds_the_planes() {
     let bytes = std::fs::read(&path).unwrap();
     let end = bytes.iter().position(|&b| b == b'\n').unwrap();
     let header = std::str::from_utf8(&bytes[..end]).unwrap();
-    assert!(header.starts_with("YUV4MPEG2 W161 H91 F10:1 Ip A1:1 C420mpeg2"), "{header}");
+    assert_eq!(header, "YUV4MPEG2 W161 H91 F10:1 Ip A1:1 C420mpeg2 XCOLORRANGE=LIMITED");
     let frame = 6 + 161 * 91 + 2 * 81 * 46;
     assert_eq!(bytes.len(), end + 1 + 3 * frame);
-    let mut planes = Yuv420::new(SIZE.0, SIZE.1).unwrap();
+    let mut planes = Yuv420::with_matrix(SIZE.0, SIZE.1, Matrix::Bt601).unwrap();
     planes.convert(&picture(2)).unwrap();
     let last = &bytes[bytes.len() - frame..];
     assert!(last.starts_with(b"FRAME\n") && last[6..].starts_with(planes.plane(0)) && last.ends_with(planes.plane(2)));

@@ -88,6 +88,11 @@ pub(super) fn open(path: &Path) -> Result<Input> {
             .remedy(format!("Install ffmpeg or name one with {VARIABLE}, or give Y4M or a folder of pictures"))
     })?;
     let about = probe(&program, path)?;
+    if about.is_hdr {
+        let cause = "the video is HDR, of which the frames would be pale: pictures here have eight bits of sRGB";
+        let remedy = "Map it first, as by ffmpeg -i IN -vf zscale=t=linear:npl=203,tonemap=mobius,zscale=p=bt709:t=bt709:m=bt709:r=tv OUT";
+        return Err(Error::new(ErrorKind::Unsupported, cause).field(&*name).remedy(remedy));
+    }
     let mut command = Command::new(&program);
     command.args(["-nostdin", "-hide_banner", "-v", "error", "-i"]).arg(file_url(path));
     // Selects the first video stream that is no cover picture, in the Y4M format that keeps 8-bit video exact and states its rate.
@@ -156,6 +161,7 @@ struct VideoInfo {
     matrix: &'static str,
     seconds: Option<f64>,
     has_sound: bool,
+    is_hdr: bool,
 }
 
 /// Asks ffmpeg about a video. Without an output ffmpeg describes the input and exits with an error, which is ignored.
@@ -192,7 +198,9 @@ fn describe(text: &str) -> VideoInfo {
     let seconds = duration.and_then(|clock| {
         clock.split(':').try_fold(0.0, |sum, part| Some(sum * 60.0 + part.trim().parse::<f64>().ok()?))
     });
-    VideoInfo { matrix, seconds, has_sound: text.contains("Audio:") }
+    // PQ and hybrid log-gamma.
+    let is_hdr = ["smpte2084", "arib-std-b67"].iter().any(|transfer| video.contains(transfer));
+    VideoInfo { matrix, seconds, has_sound: text.contains("Audio:"), is_hdr }
 }
 
 /// Collects a process's messages on a thread of its own, so that the process never blocks. Sends their beginning when the stream ends.
@@ -261,6 +269,17 @@ mod tests {
             ("vp9, yuv420p, 1280x720, 30 fps", "bt709"),
         ] {
             assert_eq!(about(stream).matrix, matrix, "{stream}");
+        }
+    }
+
+    #[test]
+    fn hdr_is_found_by_its_transfer_function() {
+        for (stream, is_hdr) in [
+            ("hevc (Main 10), yuv420p10le(tv, bt2020nc/bt2020/smpte2084), 3840x2160, 24 fps", true),
+            ("hevc (Main 10), yuv420p10le(tv, bt2020nc/bt2020/arib-std-b67), 1920x1080, 30 fps", true),
+            ("h264 (High), yuv420p(tv, bt709, progressive), 1920x1080, 25 fps", false),
+        ] {
+            assert_eq!(about(stream).is_hdr, is_hdr, "{stream}");
         }
     }
 
