@@ -130,7 +130,7 @@ pub(super) fn page(measured: &Measurements<'_, Record>, caption: Option<&str>) -
     out += &by_phase(records, Source::World).markdown();
     _ = write!(
         out,
-        "\nAll values are means over the places, with the 95 % bootstrap interval in brackets; a single place has none.\n\n\
+        "\nAll values are means over the places, with the 95 % interval in brackets; a single place has none.\n\n\
          ## How it was measured\n\n\
          {} places: seeds {} of every kind, all held out from training, under the scripts of `samples/scripts`. They are our own scenes, in which \
          only the camera and a held item move: other footage was not measured here. The world is *{world}* at \

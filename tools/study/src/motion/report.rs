@@ -268,7 +268,7 @@ pub(super) fn page(measured: &Measurements<'_, Record>, scale: f32, caption: Opt
         cairn::guidance::paper::COMPRESSION
     );
     out += &differences(records, Anchors::Drawn).markdown();
-    out += "\nMeans over the places, with the 95 % bootstrap interval of the mean difference in brackets.\n";
+    out += "\nMeans over the places, with the 95 % interval of the mean difference in brackets.\n";
     out += &explained(records);
     out += "\n## By kind of place\n\nError, in pixels:\n\n";
     out += &by_family(records, END_POINT, 2).markdown();

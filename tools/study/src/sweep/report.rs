@@ -90,7 +90,7 @@ pub(super) fn document(sweep: &Sweep<'_>) -> Document {
     blocks.push(Block::heading("All points"));
     blocks.push(Block::Table(all(&scores, settings)));
     blocks.push(Block::text(
-        "Means over places, in brackets the 95 % bootstrap interval of places; one place has none. Every rollout is in the CSV \
+        "Means over places, in brackets the 95 % interval of places; one place has none. Every rollout is in the CSV \
          beside this page. GFLOP and GB are counted from the graphs, which frame generation and scaling are no part of; they \
          are in the seconds of computing, which other rollouts and other programs on the machine lengthen.",
     ));
