@@ -355,7 +355,8 @@ CAIRN_API cairn_result cairn_set_scheduler(const cairn_scheduler *scheduler);
 
 /**
  * A flag of cairn_device_options: uses ONNX Runtime's deterministic kernels only. At a fixed thread count its CPU kernels repeat bit
- * for bit without the flag, too. On a Direct3D 12 device it means what CAIRN_D3D12_DETERMINISTIC means.
+ * for bit without the flag, too. On a Direct3D 12 device it means what CAIRN_D3D12_DETERMINISTIC means. The WebGPU provider has no such
+ * kernels: on Intel adapters it may add in another order each time.
  */
 #define CAIRN_DEVICE_DETERMINISTIC 1
 

@@ -26,7 +26,8 @@ pub const CAIRN_PRECISION_F32: u32 = 1;
 pub const CAIRN_PRECISION_F16: u32 = 2;
 
 /// A flag of cairn_device_options: uses ONNX Runtime's deterministic kernels only. At a fixed thread count its CPU kernels repeat bit
-/// for bit without the flag, too. On a Direct3D 12 device it means what CAIRN_D3D12_DETERMINISTIC means.
+/// for bit without the flag, too. On a Direct3D 12 device it means what CAIRN_D3D12_DETERMINISTIC means. The WebGPU provider has no such
+/// kernels: on Intel adapters it may add in another order each time.
 pub const CAIRN_DEVICE_DETERMINISTIC: u32 = 1;
 /// A flag of cairn_device_options: environment variables and the user's cache directory may name libraries, which are loaded into
 /// the process. For tools: in a game, anyone who sets its environment variables can run code in it.

@@ -323,6 +323,7 @@ fn is_newer_than_tested(version: &str) -> bool {
 
 fn forward_log(level: ort::logging::LogLevel, category: &str, _id: &str, location: &str, message: &str) {
     use ort::logging::LogLevel;
+    super::webgpu::note(message);
     let level = match level {
         LogLevel::Verbose => log::Level::Trace,
         LogLevel::Info => log::Level::Debug,

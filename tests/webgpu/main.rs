@@ -264,8 +264,9 @@ fn a_machine_without_an_adapter_is_named() {
     assert!(error.to_string().contains("there is no graphics adapter by Vulkan"), "{error}");
 }
 
-/// A driver that loses its devices while `lost` exists, over the driver of this process, as files in `folder`; sets a command's variables for it.
-fn use_driver_that_loses_devices(command: &mut Command, folder: &Path, lost: &Path) {
+/// A driver that fails while the file exists that `switch` names, over the driver of this process, as files in `folder`; sets a command's variables
+/// for it.
+fn use_failing_driver(command: &mut Command, folder: &Path, switch: &str) {
     let own = std::env::var("VK_DRIVER_FILES").expect("the lab names its driver");
     let text = std::fs::read_to_string(own).expect("a driver's manifest");
     let mut manifest: Value = serde_json::from_str(&text).expect("JSON");
@@ -275,7 +276,7 @@ fn use_driver_that_loses_devices(command: &mut Command, folder: &Path, lost: &Pa
     manifest["ICD"]["library_path"] = double.to_str().expect("a path").into();
     let file = folder.join("driver.json");
     std::fs::write(&file, manifest.to_string()).expect("a manifest");
-    command.env("VK_DRIVER_FILES", file).env("VULKAN_DOUBLE_DRIVER", driver).env("VULKAN_DOUBLE_LOST", lost);
+    command.env("VK_DRIVER_FILES", file).env("VULKAN_DOUBLE_DRIVER", driver).env(switch, folder.join("fails"));
 }
 
 #[test]
@@ -283,7 +284,7 @@ fn a_lost_device_is_a_typed_error_and_a_new_one_works() {
     if !is_part() {
         let folder = tempfile::tempdir().expect("a folder");
         return in_a_process("a_lost_device_is_a_typed_error_and_a_new_one_works", |command| {
-            use_driver_that_loses_devices(command, folder.path(), &folder.path().join("lost"));
+            use_failing_driver(command, folder.path(), "VULKAN_DOUBLE_LOST");
         });
     }
     let lost = std::env::var_os("VULKAN_DOUBLE_LOST").expect("set by this test's other process");
@@ -314,4 +315,56 @@ fn a_lost_device_is_a_typed_error_and_a_new_one_works() {
         is_lost(again.step(&controls(2)).expect_err("the device is lost"));
         std::fs::remove_file(&lost).expect("removed");
     }
+}
+
+/// A wait that fails leaves the provider unable to be unloaded.
+#[test]
+fn a_device_that_is_lost_while_it_is_waited_for_is_a_typed_error() {
+    if !is_part() {
+        let folder = tempfile::tempdir().expect("a folder");
+        return in_a_process("a_device_that_is_lost_while_it_is_waited_for_is_a_typed_error", |command| {
+            use_failing_driver(command, folder.path(), "VULKAN_DOUBLE_HUNG");
+        });
+    }
+    let hung = std::env::var_os("VULKAN_DOUBLE_HUNG").expect("set by this test's other process");
+    let world = load(&webgpu(), "tiny", Precision::F16);
+    let mut rollout = seeded(&world, &point(&world), 7);
+    steps(&mut rollout, 0..1);
+    std::fs::write(&hung, "").expect("a file");
+    let is_lost = |error: Error| assert_eq!(error.kind(), ErrorKind::DeviceRemoved, "{error}");
+    is_lost(rollout.step(&controls(1)).and_then(|_| rollout.latent().map(drop)).expect_err("the device is lost"));
+    is_lost(rollout.save().expect_err("its memory cannot be read"));
+    std::fs::remove_file(&hung).expect("removed");
+    drop((rollout, world));
+    let options =
+        WebGpuOptions { deterministic: true, adapter: Some("llvmpipe".to_owned()), ..WebGpuOptions::default() };
+    let error = Device::webgpu(&ort(), &options).expect_err("the process has one device, which is lost");
+    assert!(error.to_string().contains("Start the program again"), "{error}");
+    is_lost(error);
+}
+
+/// The adapter has no memory: WebGPU gives a buffer all the same, and drops the work that names it.
+#[test]
+fn memory_that_the_adapter_does_not_have_is_an_error() {
+    if !is_part() {
+        let folder = tempfile::tempdir().expect("a folder");
+        return in_a_process("memory_that_the_adapter_does_not_have_is_an_error", |command| {
+            use_failing_driver(command, folder.path(), "VULKAN_DOUBLE_EXHAUSTED");
+        });
+    }
+    let exhausted = std::env::var_os("VULKAN_DOUBLE_EXHAUSTED").expect("set by this test's other process");
+    let device = webgpu();
+    let world = load(&device, "tiny", Precision::F16);
+    let mut rollout = seeded(&world, &point(&world), 7);
+    steps(&mut rollout, 0..1);
+    let before = fingerprint(&mut rollout).expect("bits");
+    std::fs::write(&exhausted, "").expect("a file");
+    let options = WorldOptions { precision: Some(Precision::F32), ..WorldOptions::default() };
+    let refused = World::load(&device, &bundle("demo"), options.clone()).expect_err("there is no memory");
+    assert_eq!(refused.kind(), ErrorKind::OutOfMemory, "{refused}");
+    std::fs::remove_file(&exhausted).expect("removed");
+    // Nothing else is harmed, and there is memory again.
+    assert!(fingerprint(&mut rollout).expect("bits") == before);
+    steps(&mut rollout, 1..2);
+    World::load(&device, &bundle("demo"), options).expect("a world");
 }

@@ -27,8 +27,9 @@ pub(super) fn loader(plugin: Option<&Path>) -> Option<PathBuf> {
 enum Kind {
     Discrete,
     Integrated,
-    Other,
     Software,
+    /// Virtual ones among them; Dawn ranks them last.
+    Other,
 }
 
 /// An adapter.
@@ -292,6 +293,16 @@ mod tests {
         ] {
             assert_eq!(choose(&all, wanted).unwrap(), chosen, "{wanted:?}");
         }
+    }
+
+    /// As Dawn ranks them.
+    #[test]
+    fn an_adapter_of_another_kind_is_taken_after_the_processor() {
+        let adapter = |name: &str, kind| Adapter { name: name.to_owned(), vendor: 1, kind, memory: 0 };
+        let all = [adapter("virtual", Kind::Other), adapter("llvmpipe", Kind::Software)];
+        assert_eq!(choose(&all, Some("llvmpipe")).unwrap(), (1, false));
+        assert!(choose(&all, None).is_err() && choose(&all, Some("virtual")).is_err());
+        assert_eq!(choose(&all[..1], None).unwrap(), (0, false));
     }
 
     #[test]

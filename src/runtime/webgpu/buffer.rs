@@ -8,6 +8,7 @@ use ort::AsPointer;
 use ort::memory::MemoryInfo;
 use ort::sys::{self, ONNXTensorElementDataType as Element};
 
+use super::adapter_errors::alone;
 use super::plugin::{LOCK, Plugin};
 use super::value::{Value, check};
 use crate::runtime::aligned_buffer::AlignedBuffer;
@@ -46,13 +47,17 @@ impl DeviceBuffer {
     fn uninitialised(plugin: &Arc<Plugin>, bytes: usize) -> Result<Self> {
         assert!(bytes.is_multiple_of(WORD), "whole words");
         let mut handle = null_mut();
-        let status = {
-            let _held = LOCK.lock();
+        let allocated = alone(|| {
             // SAFETY: the plugin's allocator lives as long as the process.
-            unsafe { (ort::api().AllocatorAlloc)(plugin.allocator(), bytes, &mut handle) }
-        };
-        check(&format!("allocate {bytes} bytes on the adapter"), status)
-            .map_err(|error| Error::new(ErrorKind::OutOfMemory, error.cause().to_owned()))?;
+            let status = unsafe { (ort::api().AllocatorAlloc)(plugin.allocator(), bytes, &mut handle) };
+            check(&format!("allocate {bytes} bytes on the adapter"), status)
+                .map_err(|error| Error::new(ErrorKind::OutOfMemory, error.cause().to_owned()))
+        });
+        if let Err(error) = allocated {
+            // The provider gives a buffer all the same if the adapter had no memory for it.
+            drop(NonNull::new(handle).map(|handle| Self { plugin: plugin.clone(), handle, bytes }));
+            return Err(error);
+        }
         let handle = NonNull::new(handle).ok_or_else(|| {
             Error::new(ErrorKind::OutOfMemory, format!("{bytes} bytes cannot be allocated on the adapter"))
         })?;
@@ -121,9 +126,7 @@ unsafe fn host_value(memory: &MemoryInfo<'_>, address: *mut u8, bytes: usize) ->
 
 fn copy(what: &str, plugin: &Plugin, from: &Value, to: &Value) -> Result<()> {
     let (from, mut to): (*const sys::OrtValue, *const sys::OrtValue) = (from.ptr(), to.ptr());
-    let _held = LOCK.lock();
     let copy = ort::api().CopyTensors;
     // SAFETY: a live environment, and one tensor each with memory of the same size.
-    let status = unsafe { copy(plugin.environment_ptr(), &from, &mut to, null_mut(), 1) };
-    check(what, status)
+    alone(|| check(what, unsafe { copy(plugin.environment_ptr(), &from, &mut to, null_mut(), 1) }))
 }

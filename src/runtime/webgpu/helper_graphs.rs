@@ -8,6 +8,7 @@ use ort::AsPointer;
 use ort::session::Session;
 use ort::sys::ONNXTensorElementDataType as Element;
 
+use super::adapter_errors::alone;
 use super::buffer::{DeviceBuffer, WORD};
 use super::plugin::{LOCK, Plugin, refuse_other_providers};
 use super::value::{Value, check};
@@ -191,9 +192,11 @@ pub(super) struct SessionUnderLock(Option<Session>);
 impl SessionUnderLock {
     pub(super) fn new(plugin: &Plugin, model: &[u8], what: &str) -> Result<Self> {
         let mut builder = make("prepare a session", || plugin.session(false))?;
-        let _held = LOCK.lock();
-        let session = make(&format!("load the {what}"), || builder.commit_from_memory(model))?;
-        refuse_other_providers(&session, what, plugin.describe())?;
+        let session = alone(|| {
+            let session = make(&format!("load the {what}"), || builder.commit_from_memory(model))?;
+            refuse_other_providers(&session, what, plugin.describe())?;
+            Ok(session)
+        })?;
         Ok(Self(Some(session)))
     }
 
@@ -231,10 +234,9 @@ impl Binding {
 
     /// Runs the session, whose binding this is, and returns when its commands are on the adapter's queue.
     pub(super) fn run(&self, session: &Session) -> Result<()> {
-        let _held = LOCK.lock();
         let run = ort::api().RunWithBinding;
         // SAFETY: a live session with its own binding, under the lock of all runs.
-        check("run a graph", unsafe { run(session.ptr().cast_mut(), std::ptr::null(), self.0.ptr()) })
+        alone(|| check("run a graph", unsafe { run(session.ptr().cast_mut(), std::ptr::null(), self.0.ptr()) }))
     }
 }
 

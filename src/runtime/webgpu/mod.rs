@@ -4,6 +4,7 @@
 //! All values stay in buffers on the adapter. The provider gives no access to its queue, so moves and checks of values are small graphs of
 //! their own ([`helper_graphs`]).
 
+mod adapter_errors;
 mod adapters;
 mod buffer;
 mod context;
@@ -26,6 +27,7 @@ use super::graph::TensorSpec;
 use super::{ExecutionContext, Graph, Ort, self_test};
 use crate::bundle::{ModelSource, Precision, largest_weight, with_partial_sums, without_fused_products};
 use crate::{Error, ErrorKind, LibrarySearch, Result};
+pub(super) use adapter_errors::note;
 use context::WebGpuContext;
 pub use plugin::WebGpuOptions;
 use plugin::{LOCK, Plugin};
@@ -117,8 +119,8 @@ impl WebGpuBackend {
 
 impl Backend for WebGpuBackend {
     fn describe(&self) -> String {
-        let deterministic = if self.deterministic { ", deterministic" } else { "" };
-        format!("{}{deterministic}", self.plugin.describe())
+        // Without ", deterministic": the provider has no such kernels to choose (`docs/providers.md`).
+        self.plugin.describe().to_owned()
     }
 
     fn precision(&self) -> Precision {
@@ -161,10 +163,12 @@ impl Backend for WebGpuBackend {
         let rewritten = without_fused_products(onnx)?;
         let model = ModelSource { onnx: rewritten.as_deref().unwrap_or(onnx), external: model.external.clone() };
         let builder = make("prepare a session", || self.session(dimensions))?;
-        let _held = LOCK.lock();
-        let graph = Graph::commit(builder, what, &model, inputs, &[], outputs)?;
-        plugin::refuse_other_providers(graph.session(), what, self.plugin.describe())?;
-        // Not before: a refused graph is dropped here, where the lock is held.
+        let graph = adapter_errors::alone(|| {
+            let graph = Graph::commit(builder, what, &model, inputs, &[], outputs)?;
+            plugin::refuse_other_providers(graph.session(), what, self.plugin.describe())?;
+            Ok(graph)
+        })?;
+        // Not before: a refused graph is dropped above, where the lock is held.
         Ok(Arc::new(graph.with_drop_lock(&LOCK, self.plugin.registration())))
     }
 

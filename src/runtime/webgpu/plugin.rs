@@ -4,6 +4,7 @@ use std::ffi::{CStr, c_char};
 use std::path::{Path, PathBuf};
 use std::ptr::null_mut;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use ort::AsPointer;
 use ort::device::Device;
@@ -11,7 +12,7 @@ use ort::environment::Environment;
 use ort::session::Session;
 use ort::sys;
 
-use super::super::failure::make;
+use super::super::failure::{WAIT_FAILED, make};
 use super::adapters::{self, VulkanAdapter};
 use super::value::check;
 use crate::locks::Mutex;
@@ -245,8 +246,13 @@ pub(super) fn requirements(ort: &Ort, search: &LibrarySearch) -> (Result<PathBuf
 /// Unloads the plugin's library with its device, which is lost, so that the next one that is loaded makes another device.
 ///
 /// # Errors
-/// `DeviceRemoved` while anything is left that was made on the lost device.
+/// `DeviceRemoved` while anything is left that was made on the lost device, and if it was lost while it was waited for.
 pub(super) fn unload_lost_device(ort: &Ort) -> Result<()> {
+    if WAIT_FAILED.load(Ordering::Relaxed) {
+        let cause =
+            "the process's WebGPU device was lost while it was waited for, after which its provider cannot be unloaded";
+        return Err(Error::new(ErrorKind::DeviceRemoved, cause).remedy("Start the program again, or use a CPU device"));
+    }
     let mut registered = REGISTERED.lock();
     let Some(registration) = &*registered else { return Ok(()) };
     if Arc::strong_count(registration) > 1 {
@@ -291,7 +297,8 @@ fn no_adapter() -> Error {
     let (cause, remedy) = if cfg!(target_os = "linux") {
         (
             "ONNX Runtime finds no graphics adapter under /sys/class/drm",
-            "Install the adapter's driver; in a container, let it see the adapter (--device /dev/dri); or use a CPU device",
+            "Install the adapter's driver; in a container, let it see the adapter (--device /dev/dri); where a card there has no device/vendor, \
+             as on WSL2 and some boards, set ORT_WEBGPU_EP_ALLOW_SOFTWARE_ADAPTER=1; or use a CPU device",
         )
     } else {
         ("ONNX Runtime finds no graphics adapter", "Install the adapter's driver, or use a CPU device")

@@ -1,5 +1,8 @@
-//! A Vulkan driver that hands every call on to the driver that `VULKAN_DOUBLE_DRIVER` names, and whose devices are lost while the file exists
-//! that `VULKAN_DOUBLE_LOST` names: then submitting work and waiting for it fail.
+//! A Vulkan driver that hands every call on to the driver that `VULKAN_DOUBLE_DRIVER` names, and fails while files exist that variables name:
+//!
+//! - `VULKAN_DOUBLE_LOST`: devices are lost, so that submitting work and waiting for it fail;
+//! - `VULKAN_DOUBLE_HUNG`: devices are lost, which shows when work is waited for;
+//! - `VULKAN_DOUBLE_EXHAUSTED`: no memory is left.
 //!
 //! The entry points are those of Vulkan's interface between loader and driver (`LoaderDriverInterface.md` of the Vulkan loader).
 #![cfg(unix)]
@@ -16,6 +19,8 @@ type Negotiate = unsafe extern "system" fn(*mut u32) -> i32;
 
 /// `VK_ERROR_DEVICE_LOST`.
 const DEVICE_LOST: i32 = -4;
+/// `VK_ERROR_OUT_OF_DEVICE_MEMORY`.
+const OUT_OF_DEVICE_MEMORY: i32 = -2;
 
 struct Driver {
     negotiate: Negotiate,
@@ -36,26 +41,47 @@ static DRIVER: LazyLock<Driver> = LazyLock::new(|| {
     }
 });
 
-fn is_lost() -> bool {
-    static FILE: LazyLock<Option<PathBuf>> =
-        LazyLock::new(|| std::env::var_os("VULKAN_DOUBLE_LOST").map(PathBuf::from));
-    FILE.as_ref().is_some_and(|file| file.exists())
+/// A file whose existence lets calls fail.
+struct Switch(&'static str, OnceLock<Option<PathBuf>>);
+
+impl Switch {
+    /// `code` if the file exists.
+    fn fails(&self, code: i32) -> Option<i32> {
+        let file = self.1.get_or_init(|| std::env::var_os(self.0).map(PathBuf::from));
+        file.as_ref().is_some_and(|file| file.exists()).then_some(code)
+    }
 }
 
-/// Defines functions that fail on a lost device, and `wrapped`, which gives them by name and keeps the driver's own.
-macro_rules! lost_functions {
-    ($($name:ident $text:literal ($($argument:ident: $type:ty),*);)*) => {
+static LOST: Switch = Switch("VULKAN_DOUBLE_LOST", OnceLock::new());
+static HUNG: Switch = Switch("VULKAN_DOUBLE_HUNG", OnceLock::new());
+static EXHAUSTED: Switch = Switch("VULKAN_DOUBLE_EXHAUSTED", OnceLock::new());
+
+fn submission_fails() -> Option<i32> {
+    LOST.fails(DEVICE_LOST)
+}
+
+fn wait_fails() -> Option<i32> {
+    submission_fails().or_else(|| HUNG.fails(DEVICE_LOST))
+}
+
+fn allocation_fails() -> Option<i32> {
+    EXHAUSTED.fails(OUT_OF_DEVICE_MEMORY)
+}
+
+/// Defines functions that can fail, and `wrapped`, which gives them by name and keeps the driver's own.
+macro_rules! failing_functions {
+    ($($name:ident $text:literal if $failure:ident ($($argument:ident: $type:ty),*);)*) => {
         $(
             static $name: OnceLock<unsafe extern "system" fn($($type),*) -> i32> = OnceLock::new();
         )*
 
-        /// Replaces a function of the driver that a lost device lets fail.
+        /// Replaces a function of the driver that can fail.
         fn wrapped(name: &CStr, own: Function) -> Function {
             $(
                 if name.to_bytes() == $text.as_bytes() {
                     unsafe extern "system" fn replacement($($argument: $type),*) -> i32 {
-                        if is_lost() {
-                            return DEVICE_LOST;
+                        if let Some(code) = $failure() {
+                            return code;
                         }
                         // SAFETY: the caller's arguments, for the driver's own function.
                         unsafe { $name.get().expect("set before this was given out")($($argument),*) }
@@ -73,13 +99,15 @@ macro_rules! lost_functions {
     };
 }
 
-lost_functions! {
-    QUEUE_SUBMIT "vkQueueSubmit" (queue: *mut c_void, count: u32, submits: *const c_void, fence: u64);
-    QUEUE_SUBMIT_2 "vkQueueSubmit2" (queue: *mut c_void, count: u32, submits: *const c_void, fence: u64);
-    QUEUE_WAIT_IDLE "vkQueueWaitIdle" (queue: *mut c_void);
-    DEVICE_WAIT_IDLE "vkDeviceWaitIdle" (device: *mut c_void);
-    WAIT_FOR_FENCES "vkWaitForFences" (device: *mut c_void, count: u32, fences: *const u64, all: u32, timeout: u64);
-    FENCE_STATUS "vkGetFenceStatus" (device: *mut c_void, fence: u64);
+failing_functions! {
+    QUEUE_SUBMIT "vkQueueSubmit" if submission_fails (queue: *mut c_void, count: u32, submits: *const c_void, fence: u64);
+    QUEUE_SUBMIT_2 "vkQueueSubmit2" if submission_fails (queue: *mut c_void, count: u32, submits: *const c_void, fence: u64);
+    QUEUE_WAIT_IDLE "vkQueueWaitIdle" if wait_fails (queue: *mut c_void);
+    DEVICE_WAIT_IDLE "vkDeviceWaitIdle" if wait_fails (device: *mut c_void);
+    WAIT_FOR_FENCES "vkWaitForFences" if wait_fails (device: *mut c_void, count: u32, fences: *const u64, all: u32, timeout: u64);
+    FENCE_STATUS "vkGetFenceStatus" if submission_fails (device: *mut c_void, fence: u64);
+    ALLOCATE_MEMORY "vkAllocateMemory" if allocation_fails
+        (device: *mut c_void, wanted: *const c_void, callbacks: *const c_void, memory: *mut u64);
 }
 
 /// # Safety

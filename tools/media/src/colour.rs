@@ -22,16 +22,12 @@ impl Rows {
     /// ITU-R BT.601 and BT.709: kr, kg and kb are 0.299, 0.587 and 0.114, or 0.2126, 0.7152 and 0.0722.
     fn of(matrix: Matrix) -> Self {
         match matrix {
-            Matrix::Bt601 => Self {
-                y: [16_829, 33_039, 6_416],
-                cb: [-9_714, -19_071, 28_785],
-                cr: [28_784, -24_103, -4_681],
-            },
-            Matrix::Bt709 => Self {
-                y: [11_966, 40_254, 4_064],
-                cb: [-6_596, -22_189, 28_785],
-                cr: [28_784, -26_145, -2_639],
-            },
+            Matrix::Bt601 => {
+                Self { y: [16_829, 33_039, 6_416], cb: [-9_714, -19_071, 28_785], cr: [28_784, -24_103, -4_681] }
+            }
+            Matrix::Bt709 => {
+                Self { y: [11_966, 40_254, 4_064], cb: [-6_596, -22_189, 28_785], cr: [28_784, -26_145, -2_639] }
+            }
         }
     }
 }
@@ -75,7 +71,12 @@ impl Yuv420 {
             plane.resize(len, 0);
             Ok(plane)
         };
-        Ok(Self { width, height, rows: Rows::of(matrix), planes: [plane(width * height)?, plane(chroma)?, plane(chroma)?] })
+        Ok(Self {
+            width,
+            height,
+            rows: Rows::of(matrix),
+            planes: [plane(width * height)?, plane(chroma)?, plane(chroma)?],
+        })
     }
 
     /// `(width, height)` of plane `i`: 0 luma, 1 Cb, 2 Cr.

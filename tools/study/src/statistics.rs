@@ -10,8 +10,9 @@ const CONFIDENCE: f64 = 0.95;
 /// The quantile 0.975 of Student's t distribution for 1 to 30 degrees of freedom. A percentile bootstrap over few places is too narrow: of a mean
 /// over three it contains the true one in 74 of 100 cases (Hesterberg, The American Statistician 69, 2015).
 const STUDENT: [f64; 30] = [
-    12.7062, 4.3027, 3.1824, 2.7764, 2.5706, 2.4469, 2.3646, 2.3060, 2.2622, 2.2281, 2.2010, 2.1788, 2.1604, 2.1448, 2.1314,
-    2.1199, 2.1098, 2.1009, 2.0930, 2.0860, 2.0796, 2.0739, 2.0687, 2.0639, 2.0595, 2.0555, 2.0518, 2.0484, 2.0452, 2.0423,
+    12.7062, 4.3027, 3.1824, 2.7764, 2.5706, 2.4469, 2.3646, 2.3060, 2.2622, 2.2281, 2.2010, 2.1788, 2.1604, 2.1448,
+    2.1314, 2.1199, 2.1098, 2.1009, 2.0930, 2.0860, 2.0796, 2.0739, 2.0687, 2.0639, 2.0595, 2.0555, 2.0518, 2.0484,
+    2.0452, 2.0423,
 ];
 
 /// The same for any number of degrees of freedom: beyond the table by the first term of its expansion around the normal distribution.
@@ -130,7 +131,10 @@ mod tests {
         assert_eq!(even.interval, None, "all of four are on one side of the median in one case of eight");
         let ends = |n: u32| estimate_median(&(1..=n).map(f64::from).collect::<Vec<_>>()).unwrap().interval;
         // Order statistics of the binomial distribution, as in tables of the sign test.
-        assert_eq!([6, 8, 9, 12, 20].map(ends), [[1.0, 6.0], [1.0, 8.0], [2.0, 8.0], [3.0, 10.0], [6.0, 15.0]].map(Some));
+        assert_eq!(
+            [6, 8, 9, 12, 20].map(ends),
+            [[1.0, 6.0], [1.0, 8.0], [2.0, 8.0], [3.0, 10.0], [6.0, 15.0]].map(Some)
+        );
     }
 
     #[test]

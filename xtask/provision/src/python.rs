@@ -82,7 +82,8 @@ fn first_of(names: &[PathBuf], oldest: (u32, u32), nothing: &str) -> Result<Pyth
         }
     }
     if let Some(Python { program, .. }) = of_store {
-        let cause = format!("{} is of the Microsoft Store, and other programs do not see what it writes", program.display());
+        let cause =
+            format!("{} is of the Microsoft Store, and other programs do not see what it writes", program.display());
         let remedy = "Install Python of python.org, or set CAIRN_CACHE_DIR to a folder that is not below AppData";
         return Err(Error::new("a Python whose files others see", cause, remedy));
     }
