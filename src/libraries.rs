@@ -1,6 +1,14 @@
 //! Search paths of third-party dynamic libraries.
 
+#[cfg(windows)]
+mod windows_files;
+
 use std::path::{Path, PathBuf};
+
+#[cfg(windows)]
+pub use windows_files::FileVersion;
+#[cfg(windows)]
+pub(crate) use windows_files::{load_refusal, wide};
 
 /// Where ONNX Runtime and AMD's libraries are searched for. The default suits a game: the folder of this library, then the program's,
 /// and nowhere else, so that only whoever installed the game decides which code runs in it.
@@ -81,67 +89,6 @@ pub(crate) fn own_module() -> Option<PathBuf> {
 #[cfg(not(any(windows, target_os = "linux")))]
 pub(crate) fn own_module() -> Option<PathBuf> {
     None
-}
-
-#[cfg(windows)]
-/// The processor type in a library's PE header, as text, if it is not x64.
-fn other_machine(path: &Path) -> Option<String> {
-    use std::io::Read as _;
-
-    let mut start = Vec::new();
-    std::fs::File::open(path).ok()?.take(1 << 16).read_to_end(&mut start).ok()?;
-    let half = |at: usize| Some(u16::from_le_bytes(*start.get(at..)?.first_chunk()?));
-    // The offset of the PE header is a 32-bit number at 0x3c; its upper half is 0 in real libraries.
-    let header = usize::from(half(0x3c)?);
-    if start.get(header..header + 4)? != b"PE\0\0" {
-        return None;
-    }
-    match half(header + 4)? {
-        0x8664 => None,
-        0x014c => Some("32-bit x86".to_owned()),
-        0xaa64 => Some("64-bit ARM".to_owned()),
-        0x01c4 => Some("32-bit ARM".to_owned()),
-        other => Some(format!("processors of type {other:#06x}")),
-    }
-}
-
-/// Why Windows does not load a library, by the error's code, and what to do. `another_file` is the advice for a file that is wrong itself.
-#[cfg(windows)]
-pub(crate) fn load_refusal(
-    path: &Path,
-    code: windows::core::HRESULT,
-    another_file: &'static str,
-) -> (String, &'static str) {
-    use windows::Win32::Foundation::{
-        ERROR_ACCESS_DENIED, ERROR_BAD_EXE_FORMAT, ERROR_DLL_INIT_FAILED, ERROR_MOD_NOT_FOUND, ERROR_PROC_NOT_FOUND,
-    };
-
-    /// ERROR_SYSTEM_INTEGRITY_POLICY_VIOLATION and that of Smart App Control, which refuse unsigned files.
-    const BY_POLICY: [u32; 2] = [4550, 4551];
-
-    if let Some(machine) = other_machine(path) {
-        return (format!("it is made for {machine}, and this process is of 64-bit x86"), another_file);
-    }
-    let old = "Bring Windows and the Visual C++ 2015-2022 redistributable for x64 up to date";
-    let known = [
-        (
-            ERROR_MOD_NOT_FOUND,
-            "something that it needs is missing",
-            "Install Microsoft's Visual C++ 2015-2022 redistributable for x64",
-        ),
-        (ERROR_BAD_EXE_FORMAT, "it is no library for 64-bit Windows, or damaged", another_file),
-        (ERROR_PROC_NOT_FOUND, "something that it needs is too old", old),
-        (ERROR_DLL_INIT_FAILED, "it does not start", old),
-        (ERROR_ACCESS_DENIED, "it may not be read", "Check the rights to the file, and what the virus scanner says"),
-    ];
-    if let Some((_, why, remedy)) = known.into_iter().find(|(error, ..)| error.to_hresult() == code) {
-        return (format!("{why} ({:#010x})", code.0), remedy);
-    }
-    if BY_POLICY.into_iter().any(|error| windows::core::HRESULT::from_win32(error) == code) {
-        let remedy = "Windows lets no unsigned library of this name run here: ask whoever set the policy, or turn Smart App Control off";
-        return (format!("a policy of this Windows blocks it ({:#010x})", code.0), remedy);
-    }
-    (format!("the system refuses it ({:#010x})", code.0), another_file)
 }
 
 /// A file's path without symbolic links, so that two paths of one file compare equal. On Windows without the `\\?\` prefix, which

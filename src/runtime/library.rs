@@ -243,17 +243,18 @@ fn open(path: &Path) -> Result<libloading::Library> {
 fn refused(path: &Path, error: &libloading::Error) -> Error {
     use std::error::Error as _;
 
-    use super::module::{self, LibraryVersion};
+    use super::module;
+    use crate::libraries::FileVersion;
     use windows::core::{HRESULT, w};
 
     /// The C++ runtime from which on a mutex needs no call to be made, as the mutexes of ONNX Runtime 1.24 expect.
-    const OLDEST_RUNTIME: LibraryVersion = LibraryVersion([14, 40, 0, 0]);
+    const OLDEST_RUNTIME: FileVersion = FileVersion([14, 40, 0, 0]);
 
     let code = error.source().and_then(|e| e.downcast_ref::<std::io::Error>()?.raw_os_error()).unwrap_or_default();
     let (mut cause, mut remedy) = load_refusal(path, HRESULT::from_win32(code.cast_unsigned()), REMEDY);
     // The first one of this name serves the whole process.
     let loaded = module::loaded(w!("MSVCP140.dll"));
-    let old = loaded.filter(|runtime| LibraryVersion::of(&runtime.path).is_some_and(|found| found < OLDEST_RUNTIME));
+    let old = loaded.filter(|runtime| FileVersion::read(&runtime.path).is_some_and(|found| found < OLDEST_RUNTIME));
     if let Some(old) = old {
         cause.push_str(&format!("; this process has the C++ runtime {}", module::described(&old.path)));
         remedy = "ONNX Runtime needs version 14.40 or newer: replace the one that the program brings by that of Microsoft's current \

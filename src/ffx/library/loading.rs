@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::module::{FileVersion, Module};
+use super::module::Module;
 use super::{LibraryKind, search, signature};
 use crate::ffx::{Api, Effect};
+use crate::libraries::FileVersion;
 use crate::libraries::own_folders;
 use crate::{Error, ErrorKind, LibrarySearch, Result};
 

@@ -12,9 +12,10 @@ pub use search::LibraryKind;
 #[cfg(windows)]
 pub use {
     loading::{File, Library, LoadOptions, allow_unsigned_in_host},
-    module::FileVersion,
     signature::signer_of,
 };
 
+#[cfg(windows)]
+pub use crate::libraries::FileVersion;
 #[cfg(windows)]
 pub(super) use module::Module;

@@ -1,32 +1,22 @@
-//! Loaded libraries of this process, and the version of a file.
+//! Loaded libraries of this process.
 
 use std::ffi::{CStr, c_void};
-use std::fmt;
-use std::os::windows::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use windows::Win32::Foundation::{HANDLE, HMODULE};
-use windows::Win32::Storage::FileSystem::{
-    GetFileVersionInfoSizeW, GetFileVersionInfoW, VS_FIXEDFILEINFO, VerQueryValueW,
-};
 use windows::Win32::System::LibraryLoader::{
     GetModuleFileNameW, GetProcAddress, LOAD_LIBRARY_SEARCH_DEFAULT_DIRS, LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR,
     LoadLibraryExW,
 };
 use windows::Win32::System::Threading::GetCurrentProcess;
-use windows::core::{HRESULT, PCSTR, PCWSTR, w};
+use windows::core::{HRESULT, PCSTR, PCWSTR};
 
-use crate::libraries::load_refusal;
+use crate::libraries::{load_refusal, wide};
 use crate::{Error, ErrorKind, Result};
 
 #[link(name = "kernel32")]
 unsafe extern "system" {
     fn K32EnumProcessModules(process: HANDLE, modules: *mut HMODULE, capacity: u32, needed: *mut u32) -> i32;
-}
-
-/// A NUL-terminated UTF-16 path or name.
-pub(super) fn wide(text: impl AsRef<std::ffi::OsStr>) -> Vec<u16> {
-    text.as_ref().encode_wide().chain([0]).collect()
 }
 
 /// A loaded library. It is never unloaded: its threads and the driver may use it as long as the process lives.
@@ -88,42 +78,4 @@ fn refused(path: &Path, code: HRESULT) -> Error {
     Error::new(ErrorKind::RuntimeMissing, format!("it cannot be loaded: {cause}"))
         .field(path.display().to_string())
         .remedy(remedy)
-}
-
-/// The version in a file's version resource.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct FileVersion(pub [u16; 4]);
-
-impl fmt::Display for FileVersion {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [a, b, c, d] = self.0;
-        write!(f, "{a}.{b}.{c}.{d}")
-    }
-}
-
-impl FileVersion {
-    /// Reads it from a file's version resource; None if there is none.
-    pub fn read(path: &Path) -> Option<Self> {
-        let name = wide(path);
-        let name = PCWSTR(name.as_ptr());
-        // SAFETY: a NUL-terminated path.
-        let size = unsafe { GetFileVersionInfoSizeW(name, None) };
-        let mut data = vec![0_u8; size as usize];
-        if data.is_empty() {
-            return None;
-        }
-        // SAFETY: memory of the stated size.
-        unsafe { GetFileVersionInfoW(name, None, size, data.as_mut_ptr().cast()) }.ok()?;
-        let (mut found, mut length) = (std::ptr::null_mut(), 0);
-        // SAFETY: the data filled above, and memory for a pointer into it and a length.
-        let known = unsafe { VerQueryValueW(data.as_ptr().cast(), w!("\\"), &mut found, &mut length) };
-        if !known.as_bool() || found.is_null() || (length as usize) < size_of::<VS_FIXEDFILEINFO>() {
-            return None;
-        }
-        // SAFETY: the system states that at least so many bytes of this struct are there.
-        let info = unsafe { found.cast::<VS_FIXEDFILEINFO>().read_unaligned() };
-        let halves = |word: u32| [(word >> 16) as u16, (word & 0xffff) as u16];
-        let ([a, b], [c, d]) = (halves(info.dwFileVersionMS), halves(info.dwFileVersionLS));
-        Some(Self([a, b, c, d]))
-    }
 }

@@ -16,7 +16,7 @@ use windows::Win32::Security::WinTrust::{
 };
 use windows::core::PCWSTR;
 
-use super::module::wide;
+use crate::libraries::wide;
 use crate::{Error, ErrorKind, Result};
 
 /// Prefix of the name in AMD's certificates.

@@ -1,7 +1,6 @@
 //! Loads DirectML: the library beside ONNX Runtime's, by its absolute path.
 
 use std::ffi::c_void;
-use std::os::windows::ffi::OsStrExt;
 use std::path::PathBuf;
 
 use windows::Win32::AI::MachineLearning::DirectML::{
@@ -15,7 +14,7 @@ use windows::core::{GUID, HRESULT, Interface, PCWSTR, s};
 
 use super::unsupported;
 use crate::gpu::Gpu;
-use crate::libraries::load_refusal;
+use crate::libraries::{load_refusal, wide};
 use crate::runtime::Ort;
 use crate::{Error, ErrorKind, Result};
 
@@ -35,10 +34,10 @@ pub(super) fn load(ort: &Ort) -> Result<DirectMlLibrary> {
     if !path.is_file() {
         return Err(missing("DirectML's library is not there".to_owned(), REMEDY));
     }
-    let wide: Vec<u16> = path.as_os_str().encode_wide().chain([0]).collect();
+    let name = wide(&path);
     let search = LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR | LOAD_LIBRARY_SEARCH_SYSTEM32;
     // SAFETY: a NUL-terminated path. Runs the initialisers of a library beside the one that the caller named, and so trusts.
-    let module = unsafe { LoadLibraryExW(PCWSTR(wide.as_ptr()), None, search) }.map_err(|e| {
+    let module = unsafe { LoadLibraryExW(PCWSTR(name.as_ptr()), None, search) }.map_err(|e| {
         let (cause, remedy) = load_refusal(&path, e.code(), REMEDY);
         missing(format!("DirectML's library cannot be loaded: {cause}"), remedy)
     })?;
