@@ -12,6 +12,7 @@ use cairn::runtime::{CpuOptions, Device};
 #[cfg(target_os = "linux")]
 use cairn::world::{World, WorldOptions};
 use cairn::{ErrorKind, LibrarySearch};
+use test_support::child_test::run_test;
 use test_support::worlds;
 
 /// A folder for this test, removed when the test ends.
@@ -98,12 +99,9 @@ const LIBRARY: &str = "CAIRN_TEST_LIBRARY";
 
 /// Runs this program's test `name` in a process of its own, because a process can load one ONNX Runtime only.
 fn in_child(name: &str, variables: &[(&str, &Path)]) -> Output {
-    let mut child = Command::new(std::env::current_exe().expect("our own path"));
-    child.args([name, "--exact", "--nocapture"]).envs(variables.iter().copied());
-    let output = child.output().expect("a process");
-    let text = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{name} with {variables:?}: {text}");
-    output
+    run_test(name, |command| {
+        command.envs(variables.iter().copied());
+    })
 }
 
 /// C code of a library that passes all calls to the ONNX Runtime at `real`, except the first two runs: one writes no result, and one fails.

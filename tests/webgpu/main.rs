@@ -11,6 +11,7 @@ use cairn::runtime::{CpuOptions, Device, DeviceKind, WebGpuOptions, webgpu_adapt
 use cairn::world::{Bilinear, KvPart, OperatingPoint, Rollout, Schedule, World, WorldOptions};
 use cairn::{Error, ErrorKind, LibrarySearch, Picture};
 use serde_json::Value;
+use test_support::child_test::run_test;
 use test_support::worlds::{self, bundle, controls, fingerprint, ort, point, relative_error, seeded, webgpu};
 
 fn load(device: &Device, name: &str, precision: Precision) -> Arc<World> {
@@ -221,12 +222,7 @@ fn adapters_that_are_not_there_and_unnamed_software_are_refused() {
 
 /// Runs one of this program's tests in a process of its own, with other variables.
 fn in_a_process(test: &str, with: impl FnOnce(&mut Command)) {
-    let mut command = Command::new(std::env::current_exe().expect("this program"));
-    command.args(["--exact", test, "--nocapture"]).env("WEBGPU_TEST_PART", "1");
-    with(&mut command);
-    let output = command.output().expect("a process");
-    let text = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && text.contains("1 passed"), "{test}: {text}");
+    run_test(test, |command| with(command.env("WEBGPU_TEST_PART", "1")));
 }
 
 /// Whether this is the process that [`in_a_process`] started.

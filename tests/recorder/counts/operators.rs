@@ -6,15 +6,9 @@ use std::sync::{LazyLock, Mutex, MutexGuard, OnceLock};
 
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::AI::MachineLearning::DirectML::*;
-use cairn::gpu::windows::Win32::Foundation::HMODULE;
-use cairn::gpu::windows::core::{GUID, HRESULT, Interface, PCSTR, s};
+use cairn::gpu::windows::core::{GUID, HRESULT, Interface};
+use test_support::d3d12::directml;
 use test_support::d3d12::function_tables::replace_function;
-
-#[link(name = "kernel32")]
-unsafe extern "system" {
-    fn GetModuleHandleA(name: PCSTR) -> HMODULE;
-    fn GetProcAddress(module: HMODULE, name: PCSTR) -> *const c_void;
-}
 
 /// An operator of a compiled graph.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -156,27 +150,9 @@ unsafe extern "system" fn record_dispatch(this: *mut c_void, list: *mut c_void, 
     unsafe { original(this, list, of, table) };
 }
 
-/// Records the operators of all DirectML devices from now on. DirectML is loaded.
+/// Records the operators of all DirectML devices from now on.
 pub(crate) fn install(gpu: &Gpu) {
-    type Create = unsafe extern "system" fn(
-        *mut c_void,
-        DML_CREATE_DEVICE_FLAGS,
-        DML_FEATURE_LEVEL,
-        *const GUID,
-        *mut *mut c_void,
-    ) -> HRESULT;
-    // SAFETY: names that end, and a library that stays loaded.
-    let create = unsafe { GetProcAddress(GetModuleHandleA(s!("DirectML.dll")), s!("DMLCreateDevice1")) };
-    assert!(!create.is_null(), "DirectML is loaded");
-    // SAFETY: DMLCreateDevice1 has this type in every release.
-    let create: Create = unsafe { std::mem::transmute(create) };
-    let mut device = std::ptr::null_mut();
-    let (flags, level) = (DML_CREATE_DEVICE_FLAG_NONE, DML_FEATURE_LEVEL_5_0);
-    // SAFETY: a live Direct3D device, and a variable that lives during the call.
-    let result = unsafe { create(gpu.device().as_raw(), flags, level, &IDMLDevice1::IID, &mut device) };
-    assert!(result.is_ok(), "a DirectML device: {result:?}");
-    // SAFETY: the call above returned a reference of this type, used once.
-    let device = unsafe { IDMLDevice1::from_raw(device) };
+    let device = directml::device(gpu);
     let table = Interface::vtable(&device);
     replace_function(&raw const table.base__.CreateOperator, &CREATE_OPERATOR, create_operator);
     replace_function(&raw const table.CompileGraph, &COMPILE_GRAPH, compile_graph);

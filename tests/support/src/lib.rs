@@ -5,6 +5,7 @@
 pub mod allocations;
 pub mod bundles;
 pub mod c_interface;
+pub mod child_test;
 #[cfg(windows)]
 pub mod d3d12;
 #[cfg(windows)]

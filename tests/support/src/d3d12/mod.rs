@@ -2,6 +2,7 @@
 
 pub mod amd;
 pub mod buffers;
+pub mod directml;
 pub mod frame_scene;
 pub mod function_tables;
 pub mod object_counts;
