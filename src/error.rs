@@ -12,15 +12,6 @@ pub(crate) fn panic_text(payload: &(dyn Any + Send)) -> Option<&str> {
     payload.downcast_ref::<String>().map(String::as_str).or_else(|| payload.downcast_ref().copied())
 }
 
-/// `text` with its control characters escaped, for messages that quote what an outsider wrote.
-pub(crate) fn printable(text: &str) -> String {
-    let mut safe = String::with_capacity(text.len());
-    for c in text.chars() {
-        if c.is_control() { safe.extend(c.escape_default()) } else { safe.push(c) }
-    }
-    safe
-}
-
 /// Runs `work`. A panic in it is logged and becomes an error of kind [`ErrorKind::Internal`].
 pub(crate) fn catch_panic<T, E: From<Error>>(work: impl FnOnce() -> Result<T, E>) -> Result<T, E> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
@@ -103,6 +94,15 @@ impl Error {
     pub fn remedy(mut self, remedy: impl Into<String>) -> Self {
         self.remedy = Some(remedy.into());
         self
+    }
+
+    /// `removed`, if a device is lost and this error of a library does not say so.
+    #[cfg(windows)]
+    pub(crate) fn or_removed(self, removed: impl FnOnce() -> Option<Self>) -> Self {
+        match self.kind {
+            ErrorKind::Device | ErrorKind::OutOfMemory => removed().unwrap_or(self),
+            _ => self,
+        }
     }
 
     /// The class of the failure.

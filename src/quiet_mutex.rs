@@ -42,7 +42,7 @@ impl<T> DerefMut for QuietGuard<'_, T> {
     }
 }
 
-/// What a thread keeps.
+/// The messages of a thread that wait.
 #[derive(Default)]
 struct Delayed {
     /// How many locks of this kind it holds.
@@ -84,9 +84,9 @@ impl Drop for Delay {
     }
 }
 
-/// Whether the message was kept: this thread holds a lock, and logs the message again when it has released it.
-pub(crate) fn keeps(record: &log::Record<'_>) -> bool {
-    let keep = |delayed: &RefCell<Delayed>| {
+/// Delays a message if this thread holds such a lock: it is logged again when the last one is released. Returns whether it is delayed.
+pub(crate) fn delays(record: &log::Record<'_>) -> bool {
+    let delay = |delayed: &RefCell<Delayed>| {
         let mut delayed = delayed.borrow_mut();
         if delayed.locks > 0 {
             let (target, text) = (record.target().to_owned(), record.args().to_string());
@@ -94,7 +94,7 @@ pub(crate) fn keeps(record: &log::Record<'_>) -> bool {
         }
         delayed.locks > 0
     };
-    DELAYED.try_with(keep).unwrap_or(false)
+    DELAYED.try_with(delay).unwrap_or(false)
 }
 
 #[cfg(test)]
@@ -104,17 +104,17 @@ mod tests {
     #[test]
     fn messages_wait_until_the_last_lock_is_released() {
         let (outer, inner) = (QuietMutex::new(1), QuietMutex::new(2));
-        let keeps = |text| keeps(&log::Record::builder().args(format_args!("{text}")).build());
+        let delays = |text| delays(&log::Record::builder().args(format_args!("{text}")).build());
         let waiting = || DELAYED.with(|delayed| delayed.borrow().messages.len());
-        assert!(!keeps("before"));
+        assert!(!delays("before"));
         let mut held = outer.lock();
-        assert!(keeps("one"));
+        assert!(delays("one"));
         drop(inner.lock());
         *held += 1;
-        assert!(keeps("two") && *held == 2 && waiting() == 2);
-        let other_keeps = std::thread::spawn(|| super::keeps(&log::Record::builder().build()));
-        assert!(!other_keeps.join().unwrap());
+        assert!(delays("two") && *held == 2 && waiting() == 2);
+        let other_delays = std::thread::spawn(|| super::delays(&log::Record::builder().build()));
+        assert!(!other_delays.join().unwrap());
         drop(held);
-        assert!(!keeps("after") && waiting() == 0);
+        assert!(!delays("after") && waiting() == 0);
     }
 }

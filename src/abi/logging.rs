@@ -101,7 +101,7 @@ impl log::Log for CallbackLogger {
     }
 
     fn log(&self, record: &log::Record<'_>) {
-        if quiet_mutex::keeps(record) {
+        if quiet_mutex::delays(record) {
             return;
         }
         let text = |text: String| text.replace('\0', " ") + "\0";

@@ -26,8 +26,8 @@ const RENAME_PAUSE: Duration = Duration::from_millis(20);
 /// continues bit for bit the same, in this process or another, on the same kind of device.
 ///
 /// bytes: capacity bytes, or null with capacity 0 to learn the size.
-/// size: gets the size of the state. It changes by a few hundred bytes with the operating point, also with one that a budget or a governor
-/// sets, and with what the encoder remembers, so ask before each save.
+/// size: gets the size of the state. It depends on the operating point, which a budget or a governor may change, and on whether the encoder's
+/// stream is kept, so ask before each save.
 ///
 /// Ownership: the state is copied; on failure nothing is written.
 /// Threads: any thread, at any time.

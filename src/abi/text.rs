@@ -130,7 +130,7 @@ mod tests {
         assert_eq!((result, length, buffer), (CAIRN_TRUNCATED, 4, [b'a' as c_char, 0, 7, 7, 7, 7, 7, 7]));
         // SAFETY: the buffer has eight bytes.
         let result = unsafe { copy_text("a\0b", buffer.as_mut_ptr(), 8, &mut length) }.unwrap();
-        assert_eq!((result, length), (CAIRN_OK, 1), "what a host can read is the whole text");
+        assert_eq!((result, length), (CAIRN_OK, 1), "the text ends before the NUL");
         // SAFETY: nothing is written without a capacity.
         assert_eq!(unsafe { copy_text("ab", buffer.as_mut_ptr(), 0, std::ptr::null_mut()) }.unwrap(), CAIRN_TRUNCATED);
         // SAFETY: as above.

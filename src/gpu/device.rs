@@ -148,10 +148,7 @@ impl Gpu {
 
     /// The removal reason in the place of `error` if the device was removed and `error` is of a library that does not say so.
     pub(crate) fn or_removed(&self, error: Error) -> Error {
-        match error.kind() {
-            ErrorKind::Device | ErrorKind::OutOfMemory => self.removed().unwrap_or(error),
-            _ => error,
-        }
+        error.or_removed(|| self.removed())
     }
 
     /// Checks that an object belongs to this device.

@@ -1,14 +1,12 @@
 //! Converts ONNX Runtime's failures to [`Error`]s.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::panic_text;
 use crate::{Error, ErrorKind, Result};
 
-/// Whether a wait for a WebGPU device has failed. The provider then leaves the wait's callback behind, which would write to a stack that is gone when
-/// the provider is unloaded.
-pub(super) static WAIT_FAILED: AtomicBool = AtomicBool::new(false);
+/// The WebGPU provider's words for a wait that ended because the device was lost.
+pub(super) const FAILED_WAIT: &str = "Failed to wait for the operation";
 
 /// Converts a failure of ONNX Runtime to an [`Error`]; `what` is the failed operation, in the infinitive.
 ///
@@ -22,12 +20,8 @@ fn message_error(what: &str, message: &str) -> Error {
     const EXHAUSTED: [&str; 4] = ["Failed to allocate memory", "bad_alloc", "bad allocation", "8007000E"];
     let exhausted = EXHAUSTED.iter().any(|s| message.contains(s));
     let cause = format!("ONNX Runtime could not {what}: {}", message.trim_end_matches(['.', '\n']));
-    // Dawn's words, on which the WebGPU provider is built, and the provider's own for a wait that ended with the device.
-    let wait_failed = message.contains("Failed to wait for the operation");
-    if wait_failed {
-        WAIT_FAILED.store(true, Ordering::Relaxed);
-    }
-    if wait_failed || message.contains("[Device] is lost") {
+    // The second are Dawn's words, on which the WebGPU provider is built.
+    if [FAILED_WAIT, "[Device] is lost"].iter().any(|s| message.contains(s)) {
         return Error::new(ErrorKind::DeviceRemoved, cause)
             .remedy("Release all objects that were made on the lost device, then make a new one");
     }
@@ -61,6 +55,7 @@ mod tests {
                 ErrorKind::OutOfMemory,
             ),
             ("MapAsyncStatus value: 4, message: [Device] is lost.", ErrorKind::DeviceRemoved),
+            ("Failed to wait for the operation:2", ErrorKind::DeviceRemoved),
         ] {
             assert_eq!(make::<(), ()>("count", || panic!("{message}")).unwrap_err().kind(), kind);
         }

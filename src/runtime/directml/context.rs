@@ -334,18 +334,18 @@ impl ExecutionContext for DirectMlContext {
         }
         assert_eq!(tensors.len(), graph.tensors().len(), "one buffer for each input and output");
         let binding = make("bind a tensor", || graph.session().create_binding());
-        let mut binding = binding.map_err(|e| self.gpu.or_removed(e))?;
+        let mut binding = binding.map_err(|e| self.directml.or_removed(e))?;
         for (i, ((name, spec), buffer)) in graph.tensors().iter().zip(tensors).enumerate() {
             let memory = &self.buffers[buffer.0];
             assert_eq!(memory.bytes, spec.bytes(), "{}: the buffer fits the tensor", spec.name);
             let input = i < graph.input_count();
             assert!(input || tensors.iter().filter(|b| *b == buffer).count() == 1, "{}: written alone", spec.name);
             make("bind a tensor", || bind_one(&mut binding, name, input, spec, &memory.allocation))
-                .map_err(|e| self.gpu.or_removed(e))?;
+                .map_err(|e| self.directml.or_removed(e))?;
         }
         for (name, spec, memory) in DirectMlGraph::of(graph).weights().inputs() {
             make("bind a weight", || bind_one(&mut binding, name, true, spec, &memory.allocation))
-                .map_err(|e| self.gpu.or_removed(e))?;
+                .map_err(|e| self.directml.or_removed(e))?;
         }
         let same = self.bindings.iter().find(|bound| Arc::ptr_eq(&bound.graph, graph));
         let kind = same.map(|bound| bound.kind).unwrap_or_else(|| self.recorder.get_mut().kind());

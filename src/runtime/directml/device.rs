@@ -48,8 +48,8 @@ impl DirectMlDevice {
         answered.is_ok() && support.IsSupported.as_bool()
     }
 
-    /// The removal reason if one of the two devices was removed. DirectML's own can be removed alone, for instance when memory is exhausted; all
-    /// calls on it and on what was made of it then do nothing.
+    /// The removal reason if one of the two devices was removed. DirectML's own can be removed alone, for instance when memory is exhausted. Then
+    /// all calls on it and on its objects have no effect.
     pub(super) fn removed(&self) -> Option<Error> {
         if let Some(gone) = self.gpu.removed() {
             return Some(gone);
@@ -62,9 +62,6 @@ impl DirectMlDevice {
 
     /// The removal reason in the place of `error` if a device was removed and `error` does not say so.
     pub(super) fn or_removed(&self, error: Error) -> Error {
-        match error.kind() {
-            ErrorKind::Device | ErrorKind::OutOfMemory => self.removed().unwrap_or(error),
-            _ => error,
-        }
+        error.or_removed(|| self.removed())
     }
 }

@@ -1,14 +1,21 @@
 //! Errors of the adapter that no call returns: WebGPU's implementation gives them to a callback, on the thread of the call, and the provider logs
 //! them. A buffer for which there was no memory is such an error; work that names it is dropped.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use super::plugin::LOCK;
 use crate::locks::Mutex;
+use crate::runtime::failure::FAILED_WAIT;
 use crate::{Error, ErrorKind, Result};
 
 /// The provider's words before the error's type.
 const START: &str = "WebGPU device error(";
 /// `WGPUErrorType_OutOfMemory` of `webgpu.h`.
 const OUT_OF_MEMORY: &str = "3";
+
+/// Whether a wait for the device has failed in this process. The provider then leaves the wait's callback behind. When the provider is unloaded, the
+/// callback would write to a stack frame that is gone.
+pub(super) static WAIT_FAILED: AtomicBool = AtomicBool::new(false);
 
 /// The first error since the last call that asked.
 static FOUND: Mutex<Option<Error>> = Mutex::new(None);
@@ -32,15 +39,18 @@ fn error_of(message: &str) -> Option<Error> {
     })
 }
 
-/// Makes a call that reaches the provider, alone, and returns the error that it left in the log.
+/// Makes a call that reaches the provider, under its lock. An error that the provider only logs is the call's.
 ///
 /// # Errors
 /// As `call`; `OutOfMemory` or `Device` for an error of the adapter.
-pub(super) fn alone<T>(call: impl FnOnce() -> Result<T>) -> Result<T> {
+pub(super) fn call_provider<T>(call: impl FnOnce() -> Result<T>) -> Result<T> {
     // Until the result, which may be an object of the provider's, is dropped.
     let _held = LOCK.lock();
     FOUND.lock().take();
     let done = call();
+    if done.as_ref().is_err_and(|error| error.cause().contains(FAILED_WAIT)) {
+        WAIT_FAILED.store(true, Ordering::Relaxed);
+    }
     match (done, FOUND.lock().take()) {
         (Err(error), _) if error.kind() == ErrorKind::DeviceRemoved => Err(error),
         (_, Some(error)) => Err(error),

@@ -8,7 +8,7 @@ use ort::AsPointer;
 use ort::memory::MemoryInfo;
 use ort::sys::{self, ONNXTensorElementDataType as Element};
 
-use super::adapter_errors::alone;
+use super::adapter_errors::call_provider;
 use super::plugin::{LOCK, Plugin};
 use super::value::{Value, check};
 use crate::runtime::aligned_buffer::AlignedBuffer;
@@ -47,7 +47,7 @@ impl DeviceBuffer {
     fn uninitialised(plugin: &Arc<Plugin>, bytes: usize) -> Result<Self> {
         assert!(bytes.is_multiple_of(WORD), "whole words");
         let mut handle = null_mut();
-        let allocated = alone(|| {
+        let allocated = call_provider(|| {
             // SAFETY: the plugin's allocator lives as long as the process.
             let status = unsafe { (ort::api().AllocatorAlloc)(plugin.allocator(), bytes, &mut handle) };
             check(&format!("allocate {bytes} bytes on the adapter"), status)
@@ -128,5 +128,5 @@ fn copy(what: &str, plugin: &Plugin, from: &Value, to: &Value) -> Result<()> {
     let (from, mut to): (*const sys::OrtValue, *const sys::OrtValue) = (from.ptr(), to.ptr());
     let copy = ort::api().CopyTensors;
     // SAFETY: a live environment, and one tensor each with memory of the same size.
-    alone(|| check(what, unsafe { copy(plugin.environment_ptr(), &from, &mut to, null_mut(), 1) }))
+    call_provider(|| check(what, unsafe { copy(plugin.environment_ptr(), &from, &mut to, null_mut(), 1) }))
 }

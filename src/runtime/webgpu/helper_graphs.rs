@@ -8,7 +8,7 @@ use ort::AsPointer;
 use ort::session::Session;
 use ort::sys::ONNXTensorElementDataType as Element;
 
-use super::adapter_errors::alone;
+use super::adapter_errors::call_provider;
 use super::buffer::{DeviceBuffer, WORD};
 use super::plugin::{LOCK, Plugin, refuse_other_providers};
 use super::value::{Value, check};
@@ -192,7 +192,7 @@ pub(super) struct SessionUnderLock(Option<Session>);
 impl SessionUnderLock {
     pub(super) fn new(plugin: &Plugin, model: &[u8], what: &str) -> Result<Self> {
         let mut builder = make("prepare a session", || plugin.session(false))?;
-        let session = alone(|| {
+        let session = call_provider(|| {
             let session = make(&format!("load the {what}"), || builder.commit_from_memory(model))?;
             refuse_other_providers(&session, what, plugin.describe())?;
             Ok(session)
@@ -236,7 +236,7 @@ impl Binding {
     pub(super) fn run(&self, session: &Session) -> Result<()> {
         let run = ort::api().RunWithBinding;
         // SAFETY: a live session with its own binding, under the lock of all runs.
-        alone(|| check("run a graph", unsafe { run(session.ptr().cast_mut(), std::ptr::null(), self.0.ptr()) }))
+        call_provider(|| check("run a graph", unsafe { run(session.ptr().cast_mut(), std::ptr::null(), self.0.ptr()) }))
     }
 }
 

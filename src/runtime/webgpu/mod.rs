@@ -163,7 +163,7 @@ impl Backend for WebGpuBackend {
         let rewritten = without_fused_products(onnx)?;
         let model = ModelSource { onnx: rewritten.as_deref().unwrap_or(onnx), external: model.external.clone() };
         let builder = make("prepare a session", || self.session(dimensions))?;
-        let graph = adapter_errors::alone(|| {
+        let graph = adapter_errors::call_provider(|| {
             let graph = Graph::commit(builder, what, &model, inputs, &[], outputs)?;
             plugin::refuse_other_providers(graph.session(), what, self.plugin.describe())?;
             Ok(graph)

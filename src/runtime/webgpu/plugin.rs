@@ -12,7 +12,8 @@ use ort::environment::Environment;
 use ort::session::Session;
 use ort::sys;
 
-use super::super::failure::{WAIT_FAILED, make};
+use super::super::failure::make;
+use super::adapter_errors::WAIT_FAILED;
 use super::adapters::{self, VulkanAdapter};
 use super::value::check;
 use crate::locks::Mutex;
