@@ -1342,8 +1342,8 @@ CAIRN_API cairn_result cairn_rollout_single_step(const cairn_rollout *rollout);
  * continues bit for bit the same, in this process or another, on the same kind of device.
  *
  * bytes: capacity bytes, or null with capacity 0 to learn the size.
- * size: gets the size of the state. It changes by a few hundred bytes with the operating point, also with one that a budget or a governor
- * sets, and with what the encoder remembers, so ask before each save.
+ * size: gets the size of the state. It depends on the operating point, which a budget or a governor may change, and on whether the encoder's
+ * stream is kept, so ask before each save.
  *
  * Ownership: the state is copied; on failure nothing is written.
  * Threads: any thread, at any time.

@@ -37,9 +37,9 @@ const LISTS: usize = 256;
 /// are in use when lists wait long for the device, for example while a window is minimised.
 const RING: usize = 8;
 
-/// Frames after which what a list uses is free, counted from the value of the frame fence that Unity gives for the list. The header says that the
-/// list has executed at this value. In Unity the value can be of an earlier frame, while two or three frames are in flight; its own sample
-/// (`RenderAPI_D3D12.cpp` of NativeRenderingPlugin) waits for three more than the fence has completed.
+/// Number of frames to wait beyond the fence value that Unity gives for a command list, before the list's resources are reused. By Unity's header the
+/// list has executed when the fence reaches the value. But Unity has two or three frames in flight, and the value can be that of an earlier one.
+/// Unity's own sample (`RenderAPI_D3D12.cpp` of NativeRenderingPlugin) adds three to the completed value.
 const FRAMES_IN_FLIGHT: u64 = 3;
 
 /// Unity's device, queue and fence, and the functions used to draw with them.
@@ -91,7 +91,7 @@ impl Drop for InUse {
 struct FencePoint {
     fence: ID3D12Fence,
     value: u64,
-    /// How much more than the value it must have.
+    /// Added to the value.
     margin: u64,
 }
 
@@ -108,7 +108,7 @@ impl FencePoint {
         unsafe { self.fence.GetCompletedValue() >= self.value.saturating_add(self.margin) }
     }
 
-    /// Waits for the value, without the margin, until `end` at most, when no further frame will come and the queue has ended its work. Returns
+    /// Waits for the value, without the margin, until `end` at most. For the shutdown: the queue's work has completed, and no frame follows. Returns
     /// whether it was reached.
     fn wait_reached(&self, end: Instant) -> bool {
         let last = Self { margin: 0, ..self.clone() };
@@ -427,7 +427,7 @@ impl Drawing {
         self.in_use.lock().release_finished();
     }
 
-    /// Waits until Unity's queue has ended what was submitted to it.
+    /// Waits until the work that was submitted to Unity's queue has completed.
     fn wait_for_queue(&self) {
         // SAFETY: a live device.
         let Ok(fence) = (unsafe { self.device.CreateFence::<ID3D12Fence>(0, D3D12_FENCE_FLAG_NONE) }) else { return };
