@@ -395,7 +395,7 @@ mod tests {
         ];
         let text = differences(&records, Anchors::Drawn).markdown();
         let line = text.lines().find(|line| line.contains("| paper ")).unwrap();
-        assert!(line.contains("+2.50 (+2.00 to +3.00)"), "{text}");
+        assert!(line.contains("+2.50 (-3.85 to +8.85)"), "{text}");
         assert_eq!((digits(-0.001, 2), digits(-0.01, 2)), ("0.00".into(), "-0.01".into()));
     }
 }

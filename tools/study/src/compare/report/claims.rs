@@ -331,7 +331,11 @@ mod tests {
         let scenes = [scored(Family::Snow, 41, 0.1, 0.2), scored(Family::Snow, 42, 0.2, 0.1)];
         let found = advantage(&scenes, Family::Snow, MAIN, |f| f.adjacent_lpips, false);
         assert_eq!(in_scene(found), Verdict::CannotBeTold);
-        let scenes = [scored(Family::Snow, 41, 0.1, 0.2), scored(Family::Snow, 42, 0.1, 0.3)];
+        // Two differences that agree in their sign alone: with a single degree of freedom the interval holds nothing.
+        let two = [scored(Family::Snow, 41, 0.1, 0.2), scored(Family::Snow, 42, 0.1, 0.3)];
+        let found = advantage(&two, Family::Snow, MAIN, |f| f.horizon, true);
+        assert_eq!(in_scene(found), Verdict::CannotBeTold);
+        let scenes = [scored(Family::Snow, 41, 0.1, 0.3), scored(Family::Snow, 42, 0.1, 0.31)];
         let found = advantage(&scenes, Family::Snow, MAIN, |f| f.horizon, true);
         assert_eq!(in_scene(found), Verdict::Holds);
     }
@@ -340,10 +344,10 @@ mod tests {
     fn several_places_show_their_interval_and_no_note() {
         let places = LANDSCAPES
             .into_iter()
-            .flat_map(|family| [(41, 0.2), (42, 0.3)].map(|(seed, b)| scored(family, seed, 0.1, b)));
+            .flat_map(|family| [(41, 0.3), (42, 0.31)].map(|(seed, b)| scored(family, seed, 0.1, b)));
         let lines = of_figures(&LANDSCAPES, &places.collect::<Vec<_>>(), 15.0, false);
         assert_eq!(lines[0][2], "holds");
-        assert!(lines[0][1].starts_with("forest yes (+0.100 to +0.200), sword yes"), "{}", lines[0][1]);
+        assert!(lines[0][1].starts_with("forest yes (+0.141 to +0.269), sword yes"), "{}", lines[0][1]);
     }
 
     #[test]
