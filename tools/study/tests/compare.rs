@@ -48,9 +48,15 @@ fn a_comparison_is_made_once_and_goes_on_where_it_was_broken_off() {
     let (status, text) = compare(&out, &[]);
     assert_eq!(status, Some(0), "{text}");
     let place = out.join("forest-41");
-    for (branch, frames) in
-        [("coherence", 7), ("baseline", 7), ("baseline-doubled", 7), ("heavy", 7), ("decoded-60", 13), ("truth", 7)]
-    {
+    for (branch, frames) in [
+        ("coherence", 7),
+        ("coherence-best", 7),
+        ("baseline", 7),
+        ("baseline-doubled", 7),
+        ("heavy", 7),
+        ("decoded-60", 13),
+        ("truth", 7),
+    ] {
         assert_eq!(fs::read_dir(place.join(branch).join("frames")).unwrap().count(), frames, "{branch}");
         assert!(place.join(branch).join("manifest.json").exists(), "{branch}");
     }
@@ -77,18 +83,20 @@ fn a_comparison_is_made_once_and_goes_on_where_it_was_broken_off() {
     let frame =
         |branch: &str, number: u32| fs::read(place.join(branch).join(format!("frames/{number:06}.png"))).unwrap();
     for anchor in 0..=3 {
-        assert_eq!(frame("coherence", 2 * anchor), frame("decoded-60", 4 * anchor), "anchor {anchor}");
+        let decoded = frame("decoded-60", 4 * anchor);
+        assert!(["coherence", "coherence-best"].iter().all(|b| frame(b, 2 * anchor) == decoded), "anchor {anchor}");
     }
+    assert_ne!(frame("coherence", 1), frame("coherence-best", 1), "between them each has its own motion");
     assert_ne!(frame("coherence", 1), frame("decoded-60", 2), "between them one is generated, the other decoded");
     let series = fs::read_to_string(place.join("series.csv")).unwrap();
-    assert_eq!(series.lines().count(), 2 + 6 * 7, "a line for each frame of truth and branches");
+    assert_eq!(series.lines().count(), 2 + 7 * 7, "a line for each frame of truth and branches");
 
     // Nothing is made again; the report may be put elsewhere, without the rollouts.
     let (first, before) = (figures(&out), times(&place.join("coherence")));
     let filmed = fs::metadata(place.join("side-by-side.mp4")).unwrap().modified().unwrap();
     let published = folder.path().join("published");
     let (status, text) = compare(&out, &["--publish", published.to_str().unwrap()]);
-    assert!(status == Some(0) && text.contains("5 of them kept"), "{text}");
+    assert!(status == Some(0) && text.contains("6 of them kept"), "{text}");
     assert_eq!(fs::metadata(place.join("side-by-side.mp4")).unwrap().modified().unwrap(), filmed);
     // The published report is the same text with compressed figures, without the page.
     let report = |folder: &Path| fs::read_to_string(folder.join("report.md")).unwrap();
@@ -115,7 +123,7 @@ fn a_comparison_is_made_once_and_goes_on_where_it_was_broken_off() {
         fs::remove_file(place.join(file)).unwrap();
     }
     let (status, text) = compare(&out, &["--jobs", "1"]);
-    assert!(status == Some(0) && text.contains("3 of them kept"), "{text}");
+    assert!(status == Some(0) && text.contains("4 of them kept"), "{text}");
     assert_eq!((times(&place.join("coherence")), figures(&out)), (before, first));
 
     // What a newer program wrote is not replaced.
@@ -194,7 +202,7 @@ fn a_full_disk_is_told_and_what_was_whole_is_kept() {
     }
     let made = times(&place);
     let (status, text) = compare(&out, &[]);
-    assert!(status == Some(0) && text.contains("5 of them kept"), "{text}");
+    assert!(status == Some(0) && text.contains("6 of them kept"), "{text}");
     let again = times(&place);
     assert!(made.iter().all(|file| again.contains(file)), "what was whole is not made again");
 }
@@ -220,7 +228,7 @@ fn what_a_rollout_cannot_write_is_told_with_its_name() {
     }
     assert!(!out.join("report.md").exists(), "nothing is told of half a comparison");
     let (status, text) = compare(&out, &[]);
-    assert!(status == Some(0) && text.contains("5 rollouts, "), "{text}");
+    assert!(status == Some(0) && text.contains("6 rollouts, "), "{text}");
 }
 
 #[test]

@@ -152,7 +152,11 @@ impl<'a> SideBySide<'a> {
             let (x, y) = (n % ACROSS * self.tile.0, n / ACROSS * (self.tile.1 + LABEL));
             // Labels a generated frame differently from one of the world's own.
             let kind = match shown {
-                StreamId::Branch(Branch::Coherence | Branch::Heavy) if !number.is_multiple_of(STRIDE) => ", generated",
+                StreamId::Branch(Branch::Coherence | Branch::CoherenceBest | Branch::Heavy)
+                    if !number.is_multiple_of(STRIDE) =>
+                {
+                    ", generated"
+                }
                 StreamId::Truth => "",
                 StreamId::Branch(_) => ", decoded",
             };

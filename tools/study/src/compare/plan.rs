@@ -73,8 +73,8 @@ pub(crate) struct Cell {
     pub(crate) straight: bool,
 }
 
-/// Branches whose turn onsets are compared: the paper's two.
-const TURNING: [Branch; 2] = [Branch::Coherence, Branch::Baseline];
+/// Branches whose turn onsets are compared: the paper's two, and the first with the best motion.
+const TURNING: [Branch; 3] = [Branch::Coherence, Branch::CoherenceBest, Branch::Baseline];
 
 impl std::fmt::Display for Cell {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

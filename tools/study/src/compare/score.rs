@@ -121,8 +121,8 @@ fn score_scene(
     let file = scene.folder(&settings.out).join(SERIES);
     let truth = Stream { name: TRUTH.into(), folder, step: 1 };
     let streams = cells.iter().map(|(cell, _)| stream(*cell, settings)).collect::<Vec<_>>();
-    let decoder = Some([Branch::Coherence.name(), Branch::Decoded60.name()]);
-    let comparison = Comparison { truth: &truth, streams: &streams, decoder, count, lpips };
+    let decoder = [Branch::Coherence, Branch::CoherenceBest].map(|branch| [branch.name(), Branch::Decoded60.name()]);
+    let comparison = Comparison { truth: &truth, streams: &streams, decoder: &decoder, count, lpips };
     let series = match stored_series(&file, &key, streams.len()) {
         Some(series) => series,
         None => {

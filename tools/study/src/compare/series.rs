@@ -108,8 +108,8 @@ pub(crate) struct Stream {
 pub(crate) struct Comparison<'a> {
     pub(crate) truth: &'a Stream,
     pub(crate) streams: &'a [Stream],
-    /// The stream whose odd frames are generated, and the one with the decoder's pictures of the same latents.
-    pub(crate) decoder: Option<[&'a str; 2]>,
+    /// Streams whose odd frames are generated, each with the one that has the decoder's pictures of the same latents.
+    pub(crate) decoder: &'a [[&'a str; 2]],
     /// Number of samples.
     pub(crate) count: u64,
     /// `None` if LPIPS is not measured.
@@ -165,10 +165,10 @@ impl Comparison<'_> {
                 if i > 0 {
                     self.against_truth(&seen[0], &seen[i], &histories[i], &mut row)?;
                 }
-                if let Some([generated, decoded]) = self.decoder
-                    && series.name == generated
+                let decoded = self.decoder.iter().find(|[generated, _]| series.name == *generated);
+                if let Some([_, decoded]) = decoded
                     && !number.is_multiple_of(STRIDE)
-                    && let Some(reference) = all.iter().position(|stream| stream.name == decoded)
+                    && let Some(reference) = all.iter().position(|stream| stream.name == *decoded)
                 {
                     let (a, b) = (&seen[reference], &seen[i]);
                     row[Column::DecoderPsnr as usize] = Some(psnr(&a.picture, &b.picture)?);
@@ -310,8 +310,8 @@ mod tests {
             stream(folder.path(), "coherence", 1, |n| if held { n as u32 / 2 * 2 } else { n as u32 }, 7),
             stream(folder.path(), "decoded-60", 2, |n| n as u32 / 2, 13),
         ];
-        let decoder = Some(["coherence", "decoded-60"]);
-        let comparison = Comparison { truth: &truth, streams: &streams, decoder, count: 7, lpips: None };
+        let decoder = [["coherence", "decoded-60"]];
+        let comparison = Comparison { truth: &truth, streams: &streams, decoder: &decoder, count: 7, lpips: None };
         comparison.measure(&Progress::quiet(), &AtomicBool::new(false)).unwrap()
     }
 
@@ -369,7 +369,7 @@ mod tests {
             }),
         ];
         let lpips = crate::inputs::lpips(crate::metrics::Net::Alex, &Progress::quiet()).unwrap();
-        let comparison = Comparison { truth: &truth, streams: &streams, decoder: None, count: 9, lpips: Some(&lpips) };
+        let comparison = Comparison { truth: &truth, streams: &streams, decoder: &[], count: 9, lpips: Some(&lpips) };
         let series = comparison.measure(&Progress::quiet(), &AtomicBool::new(false)).unwrap();
         let figures = |n: usize| super::super::summary::summarise(&series[n], &series[0]);
         let [good, held, blended] = [1, 2, 3].map(figures);
@@ -399,7 +399,7 @@ mod tests {
                 std::fs::write(frame(&truth.folder, n), encode_png(&big).unwrap()).unwrap();
             }
             let streams = [truth.clone()];
-            let comparison = Comparison { truth: &truth, streams: &streams, decoder: None, count, lpips: None };
+            let comparison = Comparison { truth: &truth, streams: &streams, decoder: &[], count, lpips: None };
             comparison.measure(&Progress::quiet(), &AtomicBool::new(false)).unwrap();
             let status = std::fs::read_to_string("/proc/self/status").unwrap();
             let most = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap();

@@ -147,7 +147,7 @@ impl<'a> SweepInputs<'a> {
         let truth = Stream { name: TRUTH.into(), folder: truth, step: 1 };
         let step = u64::from(cell.point.point.presented_rate() / RATE).max(1);
         let streams = [Stream { name: "rollout".into(), folder, step }];
-        let comparison = Comparison { truth: &truth, streams: &streams, decoder: None, count, lpips: lpips.as_ref() };
+        let comparison = Comparison { truth: &truth, streams: &streams, decoder: &[], count, lpips: lpips.as_ref() };
         measure_series(&file, &key, &comparison, progress, stop).map(drop)
     }
 }

@@ -132,7 +132,7 @@ pub(super) fn costs(made: &Rollouts, budgets: &[Budget]) -> Vec<Block> {
         Block::text(
             "GFLOP are those of matrix products and convolutions, GB what the graphs' nodes read and write, each node on its \
              own: both are counted from the graphs. Frame generation and scaling run outside of graphs and are in the times \
-             alone. decoded-60 is charged with the latents that it shares with coherence. The paper's \"compute-normalized\" is \
+             alone. coherence-best and decoded-60 are charged with the latents that they share with coherence. The paper's \"compute-normalized\" is \
              an equal time scale, not an equal number of operations; the column \"over baseline\" says how far from equal the \
              operations are. A native frame is one that the world made; the paper gives it \"roughly twice the generation \
              budget\" in coherence.",

@@ -73,6 +73,11 @@ pub(super) fn report(found: &Results<'_>) -> Result<Document> {
          latents, so the world has lasted equally long in both: a horizon counts only where it differs by more than theirs. Another world, other pictures and another frame generator than the paper's: what holds here supports the \
          paper's strategy, and neither confirms nor refutes its figures.",
     ));
+    blocks.push(Block::text(
+        "The same claims with the best motion instead of the paper's: coherence-best has the latents of coherence, and motion from \
+         pictures.",
+    ));
+    blocks.push(Block::Table(Table::verdicts(&["claim", "scenes", "here"], claims::verdicts_by_best_motion(found)?)));
     blocks.push(Block::heading("Figure 1: from controls to frames"));
     blocks.push(Block::figure(
         Asset::svg("figure-1", pipeline::drawing(settings)),
@@ -89,13 +94,15 @@ pub(super) fn report(found: &Results<'_>) -> Result<Document> {
         blocks.extend(pair(scene, figure, found)?);
     }
     blocks.extend(measured::all(settings, scored));
-    blocks.push(Block::heading("Every place"));
+    blocks.push(Block::heading("The first place of each kind"));
     blocks.push(Block::text(
         "All streams of a place in step, a contact sheet of six moments, and how each stream goes over time: means of half a \
-         second. The figures of every frame are in series.csv.",
+         second. The folder of every place has its video, and in series.csv the figures of every frame.",
     ));
     for (scored, video) in scored.iter().zip(found.videos) {
-        blocks.extend(of_scene(scored, video, settings)?);
+        if first(found, scored.scene.family) == Some(scored.scene) {
+            blocks.extend(of_scene(scored, video, settings)?);
+        }
     }
     Ok(Document::new(TITLE, &blocks))
 }

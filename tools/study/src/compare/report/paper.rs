@@ -39,7 +39,7 @@ pub(super) fn point(branch: Branch) -> Option<&'static str> {
         Branch::Coherence => Some("g384, 10 steps, 15 FPS anchors to 30 FPS"),
         Branch::Baseline => Some("g128 forest, g112 else, 9 steps, about 30 FPS native"),
         Branch::Heavy => Some("g512, 12 steps, 15 FPS anchors to 30 FPS"),
-        Branch::BaselineDoubled | Branch::Decoded60 => None,
+        Branch::CoherenceBest | Branch::BaselineDoubled | Branch::Decoded60 => None,
     }
 }
 
