@@ -44,11 +44,11 @@ mod error;
 mod libraries;
 mod object_count;
 mod picture;
+mod pixel_format;
 mod quiet_mutex;
 mod rule_set;
-mod texels;
 
 pub use error::{Error, ErrorKind, Result};
 pub use libraries::LibrarySearch;
 pub use picture::{MAX_SIDE, Picture, PictureF16, Pixel, Raster};
-pub use texels::Colours;
+pub use pixel_format::Colours;

@@ -4,17 +4,17 @@ use std::ffi::c_void;
 
 use super::results::{Failure, Outcome};
 use super::structs::{describe, read};
-use crate::texels::{Encoder, Texel, swap_red_and_blue};
+use crate::pixel_format::{PixelConverter, PixelFormat, swap_red_and_blue};
 use crate::{Colours, Picture};
 
 /// Four bytes to a pixel, red first; display-referred sRGB, alpha straight. The default.
 pub const CAIRN_FORMAT_RGBA8: u32 = 0;
 /// Four bytes to a pixel, blue first; otherwise the same.
 pub const CAIRN_FORMAT_BGRA8: u32 = 1;
-/// Four half floats to a pixel, red first, 0 to 1; for targets only.
+/// Four half floats to a pixel, red first: sRGB or linear 0 to 1, scRGB 0 to white_nits / 80; for targets only.
 pub const CAIRN_FORMAT_RGBA16F: u32 = 2;
 
-/// Four bytes to a pixel: ten bits of red, the lowest, of green and of blue, two of alpha; for targets only.
+/// Four bytes to a pixel: ten bits each of red (lowest), green and blue, two of alpha; for targets only.
 pub const CAIRN_FORMAT_RGB10A2: u32 = 3;
 
 /// A picture in the host's memory, which the library reads during the call only.
@@ -61,7 +61,7 @@ describe!(cairn_target, [], { struct_size, format, width, height, pixels, size, 
 
 /// Layout of a picture in the host's memory.
 #[derive(Debug, Clone, Copy)]
-struct Rows {
+struct RowLayout {
     /// Bytes in a row.
     len: usize,
     count: usize,
@@ -69,28 +69,28 @@ struct Rows {
     pitch: usize,
 }
 
-impl Rows {
+impl RowLayout {
     /// Checks a layout; `field` names the struct, for messages.
-    fn check(from: &cairn_picture, format: Texel, field: &str) -> Outcome<Self> {
+    fn new(from: &cairn_picture, format: PixelFormat, field: &str) -> Outcome<Self> {
         let cairn_picture { width, height, pixels, size, row_pitch: pitch, .. } = *from;
-        let refuse = |part: &str, why: String| Failure::argument(&format!("{field}.{part}"), why);
-        let wrong = |part: &str, why: String| Err(refuse(part, why));
+        let failure = |part: &str, why: String| Failure::argument(&format!("{field}.{part}"), why);
+        let refuse = |part: &str, why: String| Err(failure(part, why));
         let sides = 1..=crate::MAX_SIDE;
         if !sides.contains(&width) || !sides.contains(&height) {
             let remedy = format!("Use 1 to {} each way", crate::MAX_SIDE);
-            return Err(refuse("width", format!("{width} x {height} pixels")).remedy(remedy));
+            return Err(failure("width", format!("{width} x {height} pixels")).remedy(remedy));
         }
         if pixels.is_null() {
-            return wrong("pixels", "a null pointer".into());
+            return refuse("pixels", "a null pointer".into());
         }
         let row = u64::from(width) * format.bytes() as u64;
         let pitch = if pitch == 0 { row } else { pitch };
         if pitch < row {
-            return wrong("row_pitch", format!("{pitch} bytes are less than a row of {row}"));
+            return refuse("row_pitch", format!("{pitch} bytes are less than a row of {row}"));
         }
         let needed = u128::from(pitch) * u128::from(height - 1) + u128::from(row);
         if u128::from(size) < needed || size > isize::MAX as u64 {
-            return wrong("size", format!("{size} bytes, {needed} are needed"));
+            return refuse("size", format!("{size} bytes, {needed} are needed"));
         }
         // The casts lose nothing: `size` is at least as large.
         Ok(Self { len: row as usize, count: height as usize, pitch: pitch as usize })
@@ -98,12 +98,12 @@ impl Rows {
 }
 
 /// The pixel format of the header's number; `field` names the struct, for messages.
-fn texel(number: u32, field: &str) -> Outcome<Texel> {
+fn texel(number: u32, field: &str) -> Outcome<PixelFormat> {
     match number {
-        CAIRN_FORMAT_RGBA8 => Ok(Texel::Rgba8),
-        CAIRN_FORMAT_BGRA8 => Ok(Texel::Bgra8),
-        CAIRN_FORMAT_RGBA16F => Ok(Texel::Rgba16F),
-        CAIRN_FORMAT_RGB10A2 => Ok(Texel::Rgb10A2),
+        CAIRN_FORMAT_RGBA8 => Ok(PixelFormat::Rgba8),
+        CAIRN_FORMAT_BGRA8 => Ok(PixelFormat::Bgra8),
+        CAIRN_FORMAT_RGBA16F => Ok(PixelFormat::Rgba16F),
+        CAIRN_FORMAT_RGB10A2 => Ok(PixelFormat::Rgb10A2),
         other => Err(Failure::argument(&format!("{field}.format"), format!("{other} is no format of this library"))),
     }
 }
@@ -116,15 +116,15 @@ pub(super) unsafe fn read_picture(from: *const cairn_picture, name: &str) -> Out
     // SAFETY: the caller's promise is the same.
     let from = unsafe { read(from, name) }?;
     let format = texel(from.format, name)?;
-    if !matches!(format, Texel::Rgba8 | Texel::Bgra8) {
+    if !matches!(format, PixelFormat::Rgba8 | PixelFormat::Bgra8) {
         return Err(Failure::argument(&format!("{name}.format"), "this format is for targets only"));
     }
-    let rows = Rows::check(&from, format, name)?;
+    let rows = RowLayout::new(&from, format, name)?;
     let mut picture = Picture::new(from.width, from.height)?;
     for (i, row) in picture.rgba_mut().chunks_exact_mut(rows.len).enumerate() {
         // SAFETY: row `i` lies within the size that was checked, and the picture is memory of our own.
         unsafe { from.pixels.cast::<u8>().add(i * rows.pitch).copy_to_nonoverlapping(row.as_mut_ptr(), rows.len) };
-        if format == Texel::Bgra8 {
+        if format == PixelFormat::Bgra8 {
             swap_red_and_blue(row);
         }
     }
@@ -135,8 +135,8 @@ pub(super) unsafe fn read_picture(from: *const cairn_picture, name: &str) -> Out
 #[derive(Debug)]
 pub(super) struct Target {
     pixels: *mut u8,
-    rows: Rows,
-    format: Texel,
+    rows: RowLayout,
+    format: PixelFormat,
     colours: Colours,
 }
 
@@ -149,7 +149,7 @@ impl Target {
             unsafe { read(to, name) }?;
         let layout = cairn_picture { struct_size, format, width, height, pixels, size: bytes, row_pitch };
         let format = texel(format, name)?;
-        let rows = Rows::check(&layout, format, name)?;
+        let rows = RowLayout::new(&layout, format, name)?;
         if (width, height) != size {
             let why = format!("{width} x {height} pixels where {} x {} come", size.0, size.1);
             return Err(Failure::argument(&format!("{name}.width"), why));
@@ -173,7 +173,7 @@ impl Target {
     /// Writes a picture of the size that was checked.
     pub(super) fn write(self, picture: &Picture) {
         let Self { pixels, rows, format, colours } = self;
-        let encoder = Encoder::new(format, colours);
+        let converter = PixelConverter::new(format, colours);
         let from = picture.rgba().chunks_exact(picture.width() as usize * 4);
         for (i, row) in from.take(rows.count).enumerate() {
             // SAFETY: row `i` lies within the size that was checked; nobody else uses it, by the promise of `new`.
@@ -182,7 +182,7 @@ impl Target {
                 to.write_bytes(0, rows.len);
                 std::slice::from_raw_parts_mut(to, rows.len)
             };
-            encoder.row(row, to);
+            converter.row(row, to);
         }
     }
 }

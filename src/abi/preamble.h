@@ -48,7 +48,8 @@
  * newer structs works if it sets nothing that the library does not know. The library never writes past struct_size.
  *
  * Results. 0 is success, a positive number is not an error, a negative one is. In addition to the results named at a function, any
- * function may return CAIRN_ERROR_INTERNAL, and any that takes a handle CAIRN_ERROR_POISONED. A failed call has changed nothing,
+ * function may return CAIRN_ERROR_INTERNAL, any that takes a handle CAIRN_ERROR_POISONED, and any that may return CAIRN_ERROR_DEVICE
+ * also CAIRN_ERROR_DEVICE_REMOVED, once the graphics device is lost. A failed call has changed nothing,
  * and has written none of its results. All text is UTF-8.
  *
  * Memory. Unless a function says otherwise, the library reads or writes the caller's memory during the call only. It refuses null

@@ -58,7 +58,8 @@ pub const CAIRN_FRAME_DECODED: u32 = 2;
 pub const CAIRN_FRAME_GENERATED: u32 = 3;
 /// The frame is extrapolated from the last anchor, because the next one is late.
 pub const CAIRN_FRAME_EXTRAPOLATED: u32 = 4;
-/// The frame holds a picture, because nothing can be generated: between two anchors the nearer one, else the last.
+/// The frame holds a picture, because nothing can be generated: between two anchors the nearer one, after an interval of extrapolation the
+/// last anchor extrapolated by that interval, else the last anchor.
 pub const CAIRN_FRAME_HELD: u32 = 5;
 
 /// A flag of cairn_frame: the frame was not generated because of a cut.
@@ -86,7 +87,7 @@ pub(super) struct PresenterObject {
     /// Name of the generator on the CPU; empty if it is not used.
     generator: &'static str,
     /// Why a preferred generator makes no frames in memory; empty if there is none.
-    preference: String,
+    unused_reason: String,
     /// Makes frames for Direct3D 12.
     pub(super) renderer: backend::Renderer,
 }
@@ -117,7 +118,7 @@ impl PresenterObject {
     /// The generator of the last frame, and why a preferred one was not used.
     pub(super) fn generator(&self, statistics: &FrameStatistics) -> Selection {
         let used = statistics.generator.clone();
-        let used = used.unwrap_or_else(|| Selection { name: String::new(), reason: self.preference.clone() });
+        let used = used.unwrap_or_else(|| Selection { name: String::new(), reason: self.unused_reason.clone() });
         if used.name.is_empty() { Selection { name: self.generator.to_owned(), ..used } } else { used }
     }
 }
@@ -302,7 +303,7 @@ pub unsafe extern "C" fn cairn_presenter_draw(
         // SAFETY: the host's promise about `frame`.
         let frame = unsafe { Out::optional(frame, "frame") }?;
         if let Some(name) = object.required {
-            let cause = format!("what options.{name} requires makes no frames in memory");
+            let cause = format!("options.{name} requires a generator on Direct3D 12, which makes no frames in memory");
             return Err(Failure::new(CAIRN_ERROR_UNSUPPORTED, cause)
                 .remedy("Record frames for Direct3D 12, or do not require it"));
         }
@@ -432,14 +433,14 @@ pub unsafe extern "C" fn cairn_presenter_destroy(presenter: *mut cairn_presenter
 
 /// Creates a presenter and its renderer.
 fn create(options: &cairn_presenter_options) -> Outcome<PresenterObject> {
-    let wrong = |field: &str, cause: String| Failure::argument(&format!("options.{field}"), cause);
-    let refuse = |field: &str, cause: String| Err(wrong(field, cause));
+    let failure = |field: &str, cause: String| Failure::argument(&format!("options.{field}"), cause);
+    let refuse = |field: &str, cause: String| Err(failure(field, cause));
     let multiplier = match options.multiplier {
         0 => 2,
         known @ (1 | 2 | 3 | 4 | 6) => known,
         other => {
             let cause = format!("there cannot be {other} frames to an anchor");
-            return Err(wrong("multiplier", cause).remedy("Use 1, 2, 3, 4 or 6"));
+            return Err(failure("multiplier", cause).remedy("Use 1, 2, 3, 4 or 6"));
         }
     };
     let known =
@@ -462,7 +463,7 @@ fn create(options: &cairn_presenter_options) -> Outcome<PresenterObject> {
         other => return refuse("capacity", format!("{other} anchors cannot wait")),
     };
     let colours = colours(options.colour_space, options.white_nits)?;
-    let (generator, preference) = cpu_generator(options)?;
+    let (generator, unused_reason) = cpu_generator(options)?;
     let interval = match options.interval_ns {
         0 => None,
         ns => Some(Interval::of_ns(ns)?),
@@ -488,7 +489,7 @@ fn create(options: &cairn_presenter_options) -> Outcome<PresenterObject> {
     let required = preferences.into_iter().find(|(_, preference)| *preference == CAIRN_PREFER_REQUIRE);
     let required = required.map(|(name, _)| name);
     let renderer = backend::renderer(renderer_options(options, colours));
-    Ok(PresenterObject { presenter, colours, required, generator: name, preference, renderer })
+    Ok(PresenterObject { presenter, colours, required, generator: name, unused_reason, renderer })
 }
 
 /// A frame's information as the C interface has it.

@@ -261,7 +261,7 @@ pub unsafe extern "C" fn cairn_rollout_append_pictures(
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: one call at a time; a concurrent one, and one while steps are queued, gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED if the
-/// bundle's encoder does not take its state as an input; CAIRN_ERROR_DEVICE.
+/// bundle's encoder does not take its state as an input; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_keep_encoder_stream(rollout: *mut cairn_rollout, keep: u32) -> cairn_result {
@@ -308,7 +308,7 @@ pub unsafe extern "C" fn cairn_rollout_step(
 ///
 /// Ownership: nothing is handed over, on success or on failure.
 /// Threads: one call at a time; a concurrent one, and one while steps are queued, gets CAIRN_ERROR_BUSY.
-/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_DEVICE.
+/// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_reset(rollout: *mut cairn_rollout) -> cairn_result {

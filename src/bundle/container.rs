@@ -95,7 +95,7 @@ impl Container {
         }
     }
 
-    /// Reads a whole file, which must have `size` bytes. `sink` gets all bytes once and in order; an error from it stops the reading.
+    /// Reads a whole file, which must have `size` bytes. A file in memory is moved out, so each file is read once. `sink` gets all bytes once and in order; an error from it stops the reading.
     pub(super) fn read(
         &mut self,
         name: &str,

@@ -22,16 +22,16 @@ pub struct Manifest {
     /// Clocks.
     pub rates: Rates,
     /// Counts of control numbers.
-    pub controls: Controls,
+    pub controls: ControlCounts,
     /// Picture sizes.
-    pub picture: PictureSizes,
+    pub picture: PictureFormat,
     /// File names of the models.
     pub graphs: Graphs,
     /// Type of the residual stream of the f16 transformer; `None` for float16.
-    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "non_null", skip_serializing_if = "Option::is_none")]
     pub residual: Option<Residual>,
     /// How the matrices of the transformer's layers are stored in fewer than 16 bits; `None` where all weights have 16.
-    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "non_null", skip_serializing_if = "Option::is_none")]
     pub quantisation: Option<Quantisation>,
     /// Every file of the bundle but the manifest.
     pub files: Vec<FileEntry>,
@@ -72,7 +72,7 @@ pub struct Geometry {
     /// Rotary position embedding.
     pub rope: Rope,
     /// The autoencoder.
-    pub autoencoder: Autoencoder,
+    pub autoencoder: AutoencoderShapes,
 }
 
 /// Channels, rows and columns of one latent.
@@ -91,7 +91,7 @@ pub struct LatentShape {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LocalWindow {
-    /// Number of latents, which is also the number of buckets.
+    /// Number of latents, which is also the number of slots.
     pub window: u32,
 }
 
@@ -101,7 +101,7 @@ pub struct LocalWindow {
 pub struct GlobalWindow {
     /// The stock window g, in latents.
     pub window: u32,
-    /// Latents per bucket.
+    /// Every `dilation`-th latent is kept.
     pub dilation: u32,
     /// The largest g that the bundle allows.
     pub max_window: u32,
@@ -126,7 +126,7 @@ pub struct Rope {
 /// Shapes of the autoencoder.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Autoencoder {
+pub struct AutoencoderShapes {
     /// Pictures per latent.
     pub temporal: u32,
     /// Decoded pixels per latent cell, each way.
@@ -171,7 +171,7 @@ pub struct Rates {
 /// How many control numbers of each kind, in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Controls {
+pub struct ControlCounts {
     /// dx and dy.
     pub mouse: u32,
     /// One for each Windows virtual key.
@@ -180,10 +180,10 @@ pub struct Controls {
     pub scroll: u32,
 }
 
-/// Picture sizes in pixels, `[width, height]`.
+/// Sizes in pixels, `[width, height]`, and value range of pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PictureSizes {
+pub struct PictureFormat {
     /// Size of the autoencoder's pictures.
     pub decoded: [u32; 2],
     /// The same picture in square pixels.
@@ -199,12 +199,12 @@ pub struct Graphs {
     /// Computes in float32: for the CPU provider.
     pub f32: GraphFiles,
     /// Computes in float16: for DirectML.
-    #[serde(default, deserialize_with = "present", skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "non_null", skip_serializing_if = "Option::is_none")]
     pub f16: Option<GraphFiles>,
 }
 
 /// A member that may be missing, but not null.
-fn present<'de, T: Deserialize<'de>, D: serde::Deserializer<'de>>(value: D) -> Result<Option<T>, D::Error> {
+fn non_null<'de, T: Deserialize<'de>, D: serde::Deserializer<'de>>(value: D) -> Result<Option<T>, D::Error> {
     T::deserialize(value).map(Some)
 }
 
@@ -367,13 +367,13 @@ impl std::fmt::Display for GraphKind {
 }
 
 impl Geometry {
-    /// Whether layer `i` attends globally.
+    /// Whether layer `layer` attends globally.
     pub fn is_global(&self, layer: u32) -> bool {
         (i64::from(layer) - i64::from(self.global.offset)).rem_euclid(i64::from(self.global.period)) == 0
     }
 
-    /// Number of buckets, one latent each, in a global or local layer's ring at a global window of `g` latents.
-    pub fn buckets(&self, global: bool, g: u32) -> u64 {
+    /// Number of slots, one latent each, in a global or local layer's ring at a global window of `g` latents.
+    pub fn slot_count(&self, global: bool, g: u32) -> u64 {
         u64::from(if global { g / self.global.dilation } else { self.local.window })
     }
 
@@ -388,7 +388,7 @@ impl Geometry {
     }
 }
 
-impl Controls {
+impl ControlCounts {
     /// All control numbers of one latent step.
     pub fn len(&self) -> usize {
         (self.mouse + self.buttons + self.scroll) as usize

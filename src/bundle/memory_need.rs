@@ -18,7 +18,7 @@ pub enum Processor {
 /// With F the bytes of one number of the graphs' precision:
 ///
 /// ```text
-/// ring          = sum over layers of 2 * kv_heads * buckets * T * head_width * F
+/// ring          = sum over layers of 2 * kv_heads * slots * T * head_width * F
 /// slabs         = layers * 2 * kv_heads * T * head_width * F
 /// weights       = every constant that a run reads, in the type in which it reads it: an f32 graph holds f16 weights as f32
 /// intermediates = peak of the transformer's live intermediate values over all nodes; a value lives from the node that produces
@@ -129,7 +129,7 @@ impl Geometry {
 
     /// Number of elements of K, or of V, of one layer at the global window `g`.
     fn past_len(&self, layer: u32, g: u32) -> u64 {
-        self.buckets(self.is_global(layer), g) * self.slab_len()
+        self.slot_count(self.is_global(layer), g) * self.slab_len()
     }
 
     /// Number of elements of K, or of V, of one layer for one latent.
@@ -144,8 +144,8 @@ struct Need {
     peak: u64,
     largest: u64,
     unpacked: u64,
-    /// Values that slices hand over.
-    handed: u64,
+    /// Intermediate tensors between slices.
+    between_slices: u64,
 }
 
 impl Need {
@@ -157,14 +157,14 @@ impl Need {
             peak: sum(|f| f.peak),
             largest: footprints.iter().map(|f| f.largest).max().unwrap_or(0),
             unpacked: footprints.iter().map(|f| f.unpacked.on(processor)).fold(0, u64::saturating_add),
-            handed: 0,
+            between_slices: 0,
         }
     }
 
     fn in_slices(slices: &Slices, processor: Processor) -> Self {
         let footprints: Vec<Footprint> = slices.models.iter().map(|model| model.footprint).collect();
-        let handed = slices.memories.iter().map(|&bytes| bytes as u64).fold(0, u64::saturating_add);
-        Self { handed, ..Self::of(&footprints, processor) }
+        let between_slices = slices.buffer_sizes.iter().map(|&bytes| bytes as u64).fold(0, u64::saturating_add);
+        Self { between_slices, ..Self::of(&footprints, processor) }
     }
 }
 
@@ -209,7 +209,7 @@ impl Bundle {
         let coding = encoder.peak.saturating_add(decoder.peak);
         let autoencoder = coding.saturating_add(self.autoencoder_ports() * number);
         let arena = coding.saturating_add(transformer.peak);
-        let intermediates = transformer.peak.saturating_add(transformer.handed);
+        let intermediates = transformer.peak.saturating_add(transformer.between_slices);
         let bundle = self.files.values().map(|bytes| bytes.len() as u64).fold(0, u64::saturating_add);
         let parts = [bundle, weights, ring, slabs, intermediates, unpacked, autoencoder, arena];
         Ok(MemoryNeed {

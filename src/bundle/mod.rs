@@ -23,8 +23,8 @@ pub use cost::{GraphCost, WorldCost};
 pub use manifest::*;
 pub use memory_need::{MemoryNeed, Processor, available_memory};
 pub(crate) use onnx::{
-    ModelWithPeaks, ModelWriter, SliceModel, SliceTensor, Slices, ValueType, largest_weight, with_partial_sums,
-    without_fused_products,
+    DataType, IntermediateTensor, ModelWithPeaks, ModelWriter, SliceModel, SliceTensor, Slices, largest_weight,
+    with_split_k, without_fused_products,
 };
 #[cfg(windows)]
 pub(crate) use onnx::{Weight, weights_as_inputs};

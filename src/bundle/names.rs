@@ -30,10 +30,10 @@ fn component_violation(part: &str) -> Option<&'static str> {
     if part.ends_with('.') {
         return Some("a component of the name ends in a dot");
     }
-    is_device(part).then_some("a component of the name is a device name of Windows")
+    is_windows_device_name(part).then_some("a component of the name is a device name of Windows")
 }
 
-fn is_device(part: &str) -> bool {
+fn is_windows_device_name(part: &str) -> bool {
     let stem = part.split('.').next().unwrap_or(part).to_ascii_uppercase();
     match stem.as_str() {
         "CON" | "PRN" | "AUX" | "NUL" => true,

@@ -6,7 +6,7 @@ use windows::Win32::Graphics::Dxgi::Common::*;
 use super::Gpu;
 use super::compute::picture_formats::PictureFormat;
 use super::texture::{barrier, can_name_state, copy, first_level, placed};
-use crate::texels::Texel;
+use crate::pixel_format::PixelFormat;
 use crate::{Colours, Error, ErrorKind, Result};
 
 /// An engine's texture, its state when a list reaches it, and the state to leave it in.
@@ -33,7 +33,7 @@ impl Target {
         kind: D3D12_COMMAND_LIST_TYPE,
         size: (u32, u32),
         colours: Colours,
-    ) -> Result<(D3D12_RESOURCE_DESC, Texel)> {
+    ) -> Result<(D3D12_RESOURCE_DESC, PixelFormat)> {
         gpu.owns(&self.texture, "target")?;
         // SAFETY: a live resource.
         let desc = unsafe { self.texture.GetDesc() };
@@ -96,7 +96,7 @@ pub(super) fn refuse(field: &str, why: impl Into<String>) -> Error {
 }
 
 /// The pixel type of a texture; an error if a frame of `size` cannot be copied into it.
-fn check(desc: &D3D12_RESOURCE_DESC, (width, height): (u32, u32)) -> Result<Texel> {
+fn check(desc: &D3D12_RESOURCE_DESC, (width, height): (u32, u32)) -> Result<PixelFormat> {
     let one = desc.DepthOrArraySize == 1 && desc.MipLevels == 1 && desc.SampleDesc.Count == 1;
     if desc.Dimension != D3D12_RESOURCE_DIMENSION_TEXTURE2D || !one {
         return Err(refuse("target", "it is no texture of two dimensions with one level, slice and sample"));
@@ -107,14 +107,14 @@ fn check(desc: &D3D12_RESOURCE_DESC, (width, height): (u32, u32)) -> Result<Texe
     }
     match desc.Format {
         DXGI_FORMAT_R8G8B8A8_UNORM | DXGI_FORMAT_R8G8B8A8_UNORM_SRGB | DXGI_FORMAT_R8G8B8A8_TYPELESS => {
-            Ok(Texel::Rgba8)
+            Ok(PixelFormat::Rgba8)
         }
         DXGI_FORMAT_B8G8R8A8_UNORM | DXGI_FORMAT_B8G8R8A8_UNORM_SRGB | DXGI_FORMAT_B8G8R8A8_TYPELESS => {
-            Ok(Texel::Bgra8)
+            Ok(PixelFormat::Bgra8)
         }
-        DXGI_FORMAT_R10G10B10A2_UNORM | DXGI_FORMAT_R10G10B10A2_TYPELESS => Ok(Texel::Rgb10A2),
-        DXGI_FORMAT_R16G16B16A16_FLOAT | DXGI_FORMAT_R16G16B16A16_TYPELESS => Ok(Texel::Rgba16F),
-        DXGI_FORMAT_R11G11B10_FLOAT => Ok(Texel::Rg11B10F),
+        DXGI_FORMAT_R10G10B10A2_UNORM | DXGI_FORMAT_R10G10B10A2_TYPELESS => Ok(PixelFormat::Rgb10A2),
+        DXGI_FORMAT_R16G16B16A16_FLOAT | DXGI_FORMAT_R16G16B16A16_TYPELESS => Ok(PixelFormat::Rgba16F),
+        DXGI_FORMAT_R11G11B10_FLOAT => Ok(PixelFormat::Rg11B10F),
         other => Err(refuse("target", format!("frames are not written in DXGI_FORMAT {}", other.0))
             .remedy("Use RGBA8, BGRA8, RGB10A2, RGBA16F or R11G11B10F")),
     }

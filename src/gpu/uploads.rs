@@ -7,7 +7,7 @@ use super::fenced_slots::FencedSlots;
 use super::target::{Target, check_list};
 use super::texture::layout;
 use super::{FencePoint, Gpu};
-use crate::texels::{Encoder, Texel};
+use crate::pixel_format::{PixelConverter, PixelFormat};
 use crate::{Colours, Error, ErrorKind, Picture, Result};
 
 /// Upload heaps from which command lists copy pictures into an engine's textures. The texture needs no view and no unordered
@@ -25,7 +25,7 @@ pub struct Uploads {
 /// Format of the picture in a slot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Content {
-    texel: Texel,
+    texel: PixelFormat,
     colours: Colours,
     size: (u32, u32),
 }
@@ -140,10 +140,10 @@ impl PendingUpload<'_> {
                 let len = content.size.0 as usize * content.texel.bytes();
                 uploads.grow_row(len)?;
                 let memory = uploads.slots.memory_mut(slot).as_mut().ok_or_else(no_memory)?;
-                let encoder = Encoder::new(content.texel, content.colours);
+                let converter = PixelConverter::new(content.texel, content.colours);
                 let rows = picture.rgba().chunks_exact(content.size.0 as usize * 4);
                 for (y, from) in rows.enumerate() {
-                    encoder.row(from, &mut uploads.row);
+                    converter.row(from, &mut uploads.row);
                     memory.write(layout.Offset as usize + y * layout.Footprint.RowPitch as usize, &uploads.row);
                 }
             }

@@ -73,7 +73,7 @@ impl FrameGovernor {
         (self.multiplier, self.made)
     }
 
-    /// Records the device time `gpu_time` on `frames` more frames; returns a decision if the number of frames made changes.
+    /// Records the device time `spent` on `frames` more frames; returns a decision if the number of frames made changes.
     pub(super) fn record(&mut self, frames: u64, spent: Duration) -> Option<Decision> {
         if self.stale > 0 {
             self.stale = self.stale.saturating_sub(frames);

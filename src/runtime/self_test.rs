@@ -4,7 +4,7 @@ use super::Ort;
 use super::cpu::{CpuBackend, CpuOptions};
 use super::device::Backend;
 use super::graph::TensorSpec;
-use crate::bundle::{ModelSource, ModelWriter, Precision, ValueType};
+use crate::bundle::{DataType, ModelSource, ModelWriter, Precision};
 use crate::{Error, ErrorKind, Result};
 
 /// Length of the input and of the output.
@@ -14,8 +14,8 @@ pub(super) const LENGTH: usize = 2;
 pub(super) fn model(precision: Precision) -> Vec<u8> {
     let mut model = ModelWriter::default();
     let element = match precision {
-        Precision::F32 => ValueType::F32,
-        Precision::F16 => ValueType::F16,
+        Precision::F32 => DataType::F32,
+        Precision::F16 => DataType::F16,
     };
     model.input("x", element, &[LENGTH]);
     model.node("Add", &["x", "x"], &["y"], &[]);

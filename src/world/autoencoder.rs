@@ -38,8 +38,8 @@ struct EncoderMemories {
     fresh: [BindingId; 2],
     /// Finite checks of both sides, for [`ExecutionContext::find_not_finite`].
     finite_checks: [FiniteCheckId; 2],
-    /// Whether each picture continues the stream of the one before it.
-    is_kept: bool,
+    /// Whether each append continues from the encoder's state after the previous one.
+    continues_stream: bool,
 }
 
 /// A decoded latent that is not committed yet.
@@ -84,7 +84,7 @@ impl EncoderMemories {
         let precision = world.precision();
         let finite_checks =
             [context.add_finite_check(&[&sides[0]], precision)?, context.add_finite_check(&[&sides[1]], precision)?];
-        Ok(Some(Self { sides, current: 0, continued, fresh, finite_checks, is_kept: false }))
+        Ok(Some(Self { sides, current: 0, continued, fresh, finite_checks, continues_stream: false }))
     }
 }
 
@@ -164,7 +164,7 @@ impl Autoencoder {
         }
         Uploader::new(self.precision, rgb.len())?.upload(context, self.encoder_pictures, &rgb)?;
         match &self.encoder_memories {
-            Some(memories) if memories.is_kept => {
+            Some(memories) if memories.continues_stream => {
                 context.run(memories.continued[memories.current])?;
                 Ok(context.find_not_finite(memories.finite_checks[1 - memories.current])?.is_none())
             }
@@ -175,25 +175,25 @@ impl Autoencoder {
 
     /// Makes the memories of the last encoding current, if the encoder's stream is kept.
     pub(super) fn commit_encoding(&mut self) {
-        if let Some(memories) = self.encoder_memories.as_mut().filter(|memories| memories.is_kept) {
+        if let Some(memories) = self.encoder_memories.as_mut().filter(|memories| memories.continues_stream) {
             memories.current = 1 - memories.current;
         }
     }
 
     /// Whether appended pictures continue the encoder's stream.
     pub(super) fn keeps_stream(&self) -> bool {
-        self.encoder_memories.as_ref().is_some_and(|memories| memories.is_kept)
+        self.encoder_memories.as_ref().is_some_and(|memories| memories.continues_stream)
     }
 
     /// Sets whether appended pictures continue the encoder's stream. One that is kept starts anew, with zeroed memories.
-    pub(super) fn keep_stream(&mut self, context: &mut dyn ExecutionContext, is_kept: bool) -> Result<()> {
+    pub(super) fn keep_stream(&mut self, context: &mut dyn ExecutionContext, continues_stream: bool) -> Result<()> {
         match &mut self.encoder_memories {
-            Some(memories) if memories.is_kept || is_kept => {
+            Some(memories) if memories.continues_stream || continues_stream => {
                 context.clear(&memories.sides[memories.current])?;
-                memories.is_kept = is_kept;
+                memories.continues_stream = continues_stream;
                 Ok(())
             }
-            None if is_kept => Err(Error::new(
+            None if continues_stream => Err(Error::new(
                 ErrorKind::Unsupported,
                 "the bundle's encoder is not handed its memories, so that each appended picture starts anew",
             )
@@ -259,7 +259,7 @@ impl Autoencoder {
 
     /// The encoder's current memories; empty if its stream is not kept.
     pub(super) fn encoder_state(&self) -> impl Iterator<Item = BufferId> + '_ {
-        let kept = self.encoder_memories.iter().filter(|memories| memories.is_kept);
+        let kept = self.encoder_memories.iter().filter(|memories| memories.continues_stream);
         kept.flat_map(|memories| memories.sides[memories.current].iter().copied())
     }
 }

@@ -1,13 +1,13 @@
 //! The player's controls during one latent step.
 
-use crate::bundle::Controls;
-use crate::world::keys::{Key, KeySet};
+use crate::bundle::ControlCounts;
+use crate::world::virtual_keys::{Key, KeySet};
 use crate::{Error, ErrorKind, Result};
 
 /// Maximum mouse motion of one latent step, in counts, on either axis and in either direction.
 pub const MAX_MOUSE: f32 = 32_768.0;
 
-/// Controls of one latent step, always valid: mouse motion in raw counts summed over the step, keys held in it, and
+/// ControlCounts of one latent step, always valid: mouse motion in raw counts summed over the step, keys held in it, and
 /// the sign of the wheel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ControlInput {
@@ -64,7 +64,7 @@ impl ControlInput {
     /// # Errors
     /// `InvalidArgument` when the length of `out` is not `controls.len()`; `Unsupported` when the world's control layout does not
     /// have 2 mouse and 1 scroll values and at most 256 buttons, or when a held key's code is outside of its buttons.
-    pub fn write(&self, controls: &Controls, out: &mut [f32]) -> Result<()> {
+    pub fn write(&self, controls: &ControlCounts, out: &mut [f32]) -> Result<()> {
         if controls.mouse != 2 || controls.scroll != 1 || controls.buttons > 256 {
             return Err(Error::new(
                 ErrorKind::Unsupported,
@@ -102,7 +102,7 @@ impl ControlInput {
 mod tests {
     use super::*;
 
-    const WAYPOINT: Controls = Controls { mouse: 2, buttons: 256, scroll: 1 };
+    const WAYPOINT: ControlCounts = ControlCounts { mouse: 2, buttons: 256, scroll: 1 };
 
     #[test]
     fn values_are_in_the_order_mouse_buttons_scroll() {
@@ -137,13 +137,13 @@ mod tests {
 
     #[test]
     fn keys_that_the_world_lacks_are_refused() {
-        let few = Controls { buttons: 8, ..WAYPOINT };
+        let few = ControlCounts { buttons: 8, ..WAYPOINT };
         let held = |code| ControlInput::new([0.0; 2], [Key(code)].into_iter().collect(), 0.0).unwrap();
         let mut out = [0.0; 11];
         held(7).write(&few, &mut out).unwrap();
         assert_eq!(out[9], 1.0);
         assert_eq!(held(8).write(&few, &mut out).unwrap_err().kind(), ErrorKind::Unsupported);
         assert!(held(7).write(&few, &mut out[..10]).is_err());
-        assert!(held(7).write(&Controls { mouse: 3, ..few }, &mut [0.0; 12]).is_err());
+        assert!(held(7).write(&ControlCounts { mouse: 3, ..few }, &mut [0.0; 12]).is_err());
     }
 }

@@ -21,9 +21,9 @@ pub(super) struct Shapes {
     pub(super) kv_heads: usize,
     pub(super) head_width: usize,
     /// Slots of a local layer's ring.
-    pub(super) local_buckets: usize,
+    pub(super) local_slots: usize,
     /// Slots of a global layer's ring.
-    pub(super) global_buckets: usize,
+    pub(super) global_slots: usize,
     /// Control values of one step.
     pub(super) controls: usize,
     /// Pictures per latent.
@@ -43,8 +43,8 @@ impl Shapes {
             layers: geometry.layers as usize,
             kv_heads: geometry.kv_heads as usize,
             head_width: geometry.head_width as usize,
-            local_buckets: geometry.local.window as usize,
-            global_buckets: (g / geometry.global.dilation) as usize,
+            local_slots: geometry.local.window as usize,
+            global_slots: (g / geometry.global.dilation) as usize,
             controls: manifest.controls.len(),
             pictures: geometry.autoencoder.temporal as usize,
             decoded: [height as usize, width as usize],
@@ -57,13 +57,13 @@ impl Shapes {
     }
 
     /// Slots of a layer's ring.
-    pub(super) fn buckets(&self, global: bool) -> usize {
-        if global { self.global_buckets } else { self.local_buckets }
+    pub(super) fn slot_count(&self, global: bool) -> usize {
+        if global { self.global_slots } else { self.local_slots }
     }
 
     /// Keys a layer attends to: its ring and the current latent.
-    pub(super) fn keys(&self, global: bool) -> usize {
-        (self.buckets(global) + 1) * self.tokens
+    pub(super) fn attended_keys(&self, global: bool) -> usize {
+        (self.slot_count(global) + 1) * self.tokens
     }
 
     /// Values of K, or of V, of one latent in one layer: `[kv_heads, T, head_width]`.
@@ -71,9 +71,9 @@ impl Shapes {
         self.kv_heads * self.tokens * self.head_width
     }
 
-    /// Values of K, or of V, in a layer's ring: `[kv_heads, buckets * T, head_width]`.
+    /// Values of K, or of V, in a layer's ring: `[kv_heads, slots * T, head_width]`.
     pub(super) fn ring_len(&self, global: bool) -> usize {
-        self.buckets(global) * self.slab_len()
+        self.slot_count(global) * self.slab_len()
     }
 
     /// Number of cosines, or of sines, of one latent: `[T, head_width / 2]`.
@@ -90,10 +90,10 @@ impl Shapes {
 /// The symbolic dimensions of the transformer's inputs, and their values.
 pub(super) fn dimensions(s: &Shapes) -> [(&'static str, usize); 4] {
     [
-        ("local_past", s.local_buckets * s.tokens),
-        ("local_keys", s.keys(false)),
-        ("global_past", s.global_buckets * s.tokens),
-        ("global_keys", s.keys(true)),
+        ("local_past", s.local_slots * s.tokens),
+        ("local_keys", s.attended_keys(false)),
+        ("global_past", s.global_slots * s.tokens),
+        ("global_keys", s.attended_keys(true)),
     ]
 }
 
@@ -107,12 +107,12 @@ pub(super) fn transformer(geometry: &Geometry, s: &Shapes, f: Precision) -> Grap
         TensorSpec::new("rope_cos", Precision::F32, &rope),
         TensorSpec::new("rope_sin", Precision::F32, &rope),
         TensorSpec::new("controls", Precision::F32, &[1, s.controls]),
-        TensorSpec::new("local_mask", f, &[1, 1, 1, s.keys(false)]),
-        TensorSpec::new("global_mask", f, &[1, 1, 1, s.keys(true)]),
+        TensorSpec::new("local_mask", f, &[1, 1, 1, s.attended_keys(false)]),
+        TensorSpec::new("global_mask", f, &[1, 1, 1, s.attended_keys(true)]),
     ];
     let mut outputs = vec![TensorSpec::new("x_next", f, &[1, c, h, w])];
     for i in 0..geometry.layers {
-        let past = [1, s.kv_heads, s.buckets(geometry.is_global(i)) * s.tokens, s.head_width];
+        let past = [1, s.kv_heads, s.slot_count(geometry.is_global(i)) * s.tokens, s.head_width];
         let present = [1, s.kv_heads, s.tokens, s.head_width];
         for part in ["k", "v"] {
             inputs.push(TensorSpec::new(format!("past.{i}.{part}"), f, &past));

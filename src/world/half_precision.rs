@@ -223,20 +223,20 @@ impl Run {
         let rope = RopeTable::new(&manifest.geometry)?;
         let (mut cos, mut sin) = (convert::zeroed(rope.len())?, convert::zeroed(rope.len())?);
         rope.fill(0, &mut cos, &mut sin)?;
-        let largest = shapes.latent_len().max(shapes.keys(true)).max(shapes.keys(false));
+        let largest = shapes.latent_len().max(shapes.attended_keys(true)).max(shapes.attended_keys(false));
         let mut uploader = Uploader::new(precision, largest)?;
         // The inputs in their order: x, sigma, dsigma, rope_cos, rope_sin, controls, local_mask, global_mask. Others stay zero.
         for (buffer, table) in [(buffers[3], &cos), (buffers[4], &sin)] {
             context.upload(buffer, 0, bytemuck::cast_slice(table))?;
         }
         for (buffer, is_global) in [(buffers[6], false), (buffers[7], true)] {
-            let mut mask = convert::zeroed::<f32>(shapes.keys(is_global))?;
+            let mut mask = convert::zeroed::<f32>(shapes.attended_keys(is_global))?;
             let past = mask.len() - shapes.tokens;
             mask[..past].fill(HIDDEN);
             uploader.upload(context, buffer, &mask)?;
         }
-        let memories = transformer.memories(context)?;
-        let binding = transformer.bind(context, &buffers, &memories)?;
+        let intermediates = transformer.intermediate_buffers(context)?;
+        let binding = transformer.bind(context, &buffers, &intermediates)?;
         let (inputs, outputs) = buffers.split_at(transformer.input_count());
         let slabs = 2 * shapes.layers;
         Ok(Self {

@@ -18,7 +18,7 @@ pub enum KvPart {
 /// The ring of K, or of V, of one layer.
 struct LayerRing {
     global: bool,
-    /// `[kv_heads, buckets * T, head_width]`, bound as `past`.
+    /// `[kv_heads, slots * T, head_width]`, bound as `past`.
     buffer: BufferId,
 }
 
@@ -54,7 +54,7 @@ impl KvCache {
                 };
                 context.record_copies(selected.map(copy).collect())
             };
-            (0..shapes.buckets(global)).map(to_slot).collect::<Result<Vec<_>>>()
+            (0..shapes.slot_count(global)).map(to_slot).collect::<Result<Vec<_>>>()
         };
         let commits = [commits(false)?, commits(true)?];
         Ok(Self { rings, slabs, commits })
@@ -102,7 +102,7 @@ impl KvCache {
 /// copied.
 fn regions(shapes: &Shapes, element: usize, global: bool, slot: usize) -> Vec<Region> {
     let len = shapes.tokens * shapes.head_width * element;
-    let to = |head| (head * shapes.buckets(global) + slot) * len;
+    let to = |head| (head * shapes.slot_count(global) + slot) * len;
     (0..shapes.kv_heads).map(|head| Region { to: to(head), from: head * len, len }).collect()
 }
 

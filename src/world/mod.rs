@@ -13,7 +13,6 @@ mod fixture;
 mod governor;
 mod graph_spec;
 mod half_precision;
-mod keys;
 mod kv_cache;
 mod latent_budget;
 mod missing_operator;
@@ -31,6 +30,7 @@ mod script;
 mod statistics;
 mod time;
 mod transformer;
+mod virtual_keys;
 mod worker;
 #[expect(clippy::module_inception, reason = "the module's main type is the world")]
 mod world;
@@ -39,17 +39,16 @@ pub use anchor::KeptAnchor;
 pub use controls::{ControlInput, MAX_MOUSE};
 pub use governor::{Budget, Governor, GovernorStatistics};
 pub use half_precision::{HalfPrecision, MAX_LATENT_ERROR, Peak};
-pub use keys::{Key, KeySet};
 pub use kv_cache::KvPart;
 pub use noise::{NoiseKey, fill_noise};
 pub use operating_point::{
     CacheMode, Counts, GuidanceSource, MAX_INTERVAL, MAX_LATENT_RATE, MAX_PRESENTED_RATE, OperatingPoint, Presentation,
-    global_buckets, parse_global_window,
+    global_slots, parse_global_window,
 };
 pub use plan::{CachePass, Planner, RingPlan, StepPlan};
 pub use preset::Preset;
 pub use resize::Bilinear;
-pub use ring::{MAX_BUCKETS, Ring};
+pub use ring::{MAX_SLOTS, Ring};
 #[cfg(windows)]
 pub use rollout::DeviceTimes;
 pub use rollout::{Probe, Rollout};
@@ -61,5 +60,6 @@ pub use script::{
 };
 pub use statistics::{Stage, Stages, Statistics, StepInfo};
 pub use time::{MAX_SECONDS, WorldTime};
+pub use virtual_keys::{Key, KeySet};
 pub use worker::{Job, QueuedRollout, StepResult, TicketState, Worker, WorkerStatistics};
 pub use world::{World, WorldOptions};

@@ -63,24 +63,25 @@ impl Passes {
         let (sigma, dsigma) = (buffer(1, f32_size)?, buffer(1, f32_size)?);
         let (rope_cos, rope_sin) = (buffer(rope.len(), f32_size)?, buffer(rope.len(), f32_size)?);
         let controls = buffer(shapes.controls, f32_size)?;
-        let (local_mask, global_mask) = (buffer(shapes.keys(false), element)?, buffer(shapes.keys(true), element)?);
+        let (local_mask, global_mask) =
+            (buffer(shapes.attended_keys(false), element)?, buffer(shapes.attended_keys(true), element)?);
         let table = buffer(MAX_POINTS, ROW)?;
-        let memories = world.transformer.memories(context)?;
+        let intermediates = world.transformer.intermediate_buffers(context)?;
         let mut bind = |x: BufferId, x_next: BufferId| {
             let inputs = [x, sigma, dsigma, rope_cos, rope_sin, controls, local_mask, global_mask];
             let tensors: Vec<_> = inputs.into_iter().chain(kv.rings()).chain([x_next]).chain(kv.slabs()).collect();
-            world.transformer.bind(context, &tensors, &memories)
+            world.transformer.bind(context, &tensors, &intermediates)
         };
         let bindings = [bind(x[0], x[1])?, bind(x[1], x[0])?];
         let staging = Staging {
             x: convert::zeroed(shapes.latent_len())?,
             rope_cos: convert::zeroed(rope.len())?,
             rope_sin: convert::zeroed(rope.len())?,
-            local_mask: convert::zeroed(shapes.keys(false))?,
-            global_mask: convert::zeroed(shapes.keys(true))?,
+            local_mask: convert::zeroed(shapes.attended_keys(false))?,
+            global_mask: convert::zeroed(shapes.attended_keys(true))?,
             table: Vec::with_capacity(MAX_POINTS),
         };
-        let largest = shapes.latent_len().max(shapes.keys(true)).max(shapes.keys(false));
+        let largest = shapes.latent_len().max(shapes.attended_keys(true)).max(shapes.attended_keys(false));
         Ok(Self {
             shapes,
             precision,

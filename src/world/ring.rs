@@ -1,10 +1,10 @@
 //! The KV ring of one kind of layer: the slot that a latent is written to, and the slots that are visible to a pass.
 //!
-//! The rules are Waypoint-1.5's. With ring clock t, dilation d and B buckets:
+//! The rules are Waypoint-1.5's. With ring clock t, dilation d and S slots:
 //!
 //! ```text
 //! bucket(t)     = ceil(t / d)
-//! slot(t)       = bucket(t) mod B
+//! slot(t)       = bucket(t) mod S
 //! write_step(t) = t mod d == 0
 //! visible(t)    = the written slots, without slot(t) on a write step, because that slot is about to be overwritten
 //! ```
@@ -13,8 +13,8 @@
 
 use crate::{Error, ErrorKind, Result};
 
-/// Maximum number of buckets of a ring.
-pub const MAX_BUCKETS: u32 = 65_536;
+/// Maximum number of slots of a ring.
+pub const MAX_SLOTS: u32 = 65_536;
 
 /// Written flags and slot arithmetic of one kind of layer. Keys and values stay on the device.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -24,28 +24,28 @@ pub struct Ring {
 }
 
 impl Ring {
-    /// An empty ring of `buckets` slots (1 to [`MAX_BUCKETS`]) that keeps every `dilation`-th latent (at least 1).
+    /// An empty ring of `slots` slots (1 to [`MAX_SLOTS`]) that keeps every `dilation`-th latent (at least 1).
     ///
     /// # Errors
     /// `InvalidArgument` for a size outside those ranges.
-    pub fn new(buckets: u32, dilation: u32) -> Result<Self> {
-        if buckets == 0 || buckets > MAX_BUCKETS || dilation == 0 {
+    pub fn new(slots: u32, dilation: u32) -> Result<Self> {
+        if slots == 0 || slots > MAX_SLOTS || dilation == 0 {
             return Err(Error::new(
                 ErrorKind::InvalidArgument,
-                format!("a ring of {buckets} buckets with dilation {dilation} cannot be made"),
+                format!("a ring of {slots} slots with dilation {dilation} cannot be made"),
             )
             .field("geometry")
-            .remedy(format!("Use 1 to {MAX_BUCKETS} buckets and a dilation of at least 1")));
+            .remedy(format!("Use 1 to {MAX_SLOTS} slots and a dilation of at least 1")));
         }
-        Ok(Self { dilation, written: vec![false; buckets as usize] })
+        Ok(Self { dilation, written: vec![false; slots as usize] })
     }
 
     /// Number of slots.
-    pub fn buckets(&self) -> usize {
+    pub fn slot_count(&self) -> usize {
         self.written.len()
     }
 
-    /// Latents per bucket.
+    /// Every `dilation`-th latent is kept.
     pub fn dilation(&self) -> u32 {
         self.dilation
     }
@@ -73,7 +73,7 @@ impl Ring {
 
     /// For each slot, whether it is visible to all passes at ring clock `t`.
     pub fn visible(&self, t: u64) -> Vec<bool> {
-        (0..self.buckets()).map(|slot| self.is_visible(t, slot)).collect()
+        (0..self.slot_count()).map(|slot| self.is_visible(t, slot)).collect()
     }
 
     /// Commits at ring clock `t`; returns the written slot if `t` is a write step.
@@ -90,17 +90,16 @@ impl Ring {
 
     /// Marks `slot` as written. The slot comes from the plan that was executed, which need not be the planner's own.
     pub(crate) fn mark_written(&mut self, slot: usize) -> Result<()> {
-        let buckets = self.buckets();
+        let slots = self.slot_count();
         match self.written.get_mut(slot) {
             Some(written) => {
                 *written = true;
                 Ok(())
             }
-            None => Err(Error::new(
-                ErrorKind::InvalidArgument,
-                format!("slot {slot} does not exist in a ring of {buckets}"),
-            )
-            .field("plan.slot")),
+            None => {
+                Err(Error::new(ErrorKind::InvalidArgument, format!("slot {slot} does not exist in a ring of {slots}"))
+                    .field("plan.slot"))
+            }
         }
     }
 
@@ -116,11 +115,11 @@ impl Ring {
         let Some(last) = commits.checked_sub(1).map(|last| last / u64::from(self.dilation())) else {
             return Vec::new();
         };
-        let (from, to) = (other.buckets() as u64, self.buckets() as u64);
+        let (from, to) = (other.slot_count() as u64, self.slot_count() as u64);
         let first = (last + 1).saturating_sub(from.min(to));
         let kept = (first..=last).map(|bucket| ((bucket % from) as usize, (bucket % to) as usize));
         let moved: Vec<_> = kept.filter(|(slot, _)| other.written()[*slot]).collect();
-        let mut written = vec![false; self.buckets()];
+        let mut written = vec![false; self.slot_count()];
         moved.iter().for_each(|(_, slot)| written[*slot] = true);
         self.set_written(&written);
         moved
@@ -206,7 +205,7 @@ mod tests {
 
     #[test]
     fn impossible_rings_are_refused() {
-        for (buckets, dilation) in [(0, 1), (1, 0), (MAX_BUCKETS + 1, 1), (u32::MAX, u32::MAX)] {
+        for (buckets, dilation) in [(0, 1), (1, 0), (MAX_SLOTS + 1, 1), (u32::MAX, u32::MAX)] {
             assert_eq!(Ring::new(buckets, dilation).unwrap_err().kind(), ErrorKind::InvalidArgument);
         }
         let mut ring = Ring::new(4, 1).unwrap();

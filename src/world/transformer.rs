@@ -7,16 +7,18 @@ use half::f16;
 
 use super::graph_spec::{self, GraphSpec, Shapes};
 use crate::Result;
-use crate::bundle::{Bundle, GraphKind, Manifest, ModelSource, Precision, SliceModel, SliceTensor, Slices};
+use crate::bundle::{
+    Bundle, GraphKind, IntermediateTensor, Manifest, ModelSource, Precision, SliceModel, SliceTensor, Slices,
+};
 #[cfg(windows)]
 use crate::runtime::Work;
 use crate::runtime::{BindingId, BufferId, Device, ElementType, ExecutionContext, Graph, TensorSpec};
 
-/// Measured passes, after one that is not measured because graphs allocate memory in it.
+/// Timed passes, after one warm-up pass.
 const MEASURED_PASSES: usize = 3;
 
-/// Numbers that are uploaded at a time before the measurement.
-const FILLED_AT_ONCE: usize = 64 << 10;
+/// Values per upload when inputs are filled for the measurement.
+const UPLOAD_CHUNK: usize = 64 << 10;
 
 /// The graphs of a transformer and how they fit together. Shared by rollouts.
 pub(super) struct Transformer {
@@ -26,8 +28,8 @@ pub(super) struct Transformer {
     tensors: Vec<TensorSpec>,
     /// Number of inputs in `tensors`.
     inputs: usize,
-    /// Sizes in bytes of the memories in which slices hand values over.
-    memories: Vec<usize>,
+    /// Sizes in bytes of the buffers for intermediate tensors between slices.
+    intermediates: Vec<usize>,
 }
 
 struct Slice {
@@ -36,13 +38,13 @@ struct Slice {
     tensors: Vec<Tensor>,
 }
 
-/// What an input or output of a slice is bound to.
+/// The tensor that an input or output of a slice is bound to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Tensor {
     /// An input or output of the whole transformer, a position in [`Transformer::tensors`].
     Whole(usize),
-    /// A memory, a position in [`Transformer::memories`].
-    Memory(usize),
+    /// A position in [`Transformer::intermediates`].
+    Intermediate(usize),
 }
 
 /// A transformer with all inputs and outputs bound to buffers of one context.
@@ -55,7 +57,7 @@ impl PassBinding {
     }
 }
 
-/// What a transformer is loaded from.
+/// Device, bundle and shapes that a transformer is loaded from.
 pub(super) struct TransformerSource<'a> {
     pub(super) device: &'a Device,
     pub(super) bundle: &'a Bundle,
@@ -83,18 +85,21 @@ impl TransformerSource<'_> {
             let graph = self.device.graph("transformer", &source, &dimensions, inputs, outputs)?;
             return Ok(Transformer::whole(graph, spec));
         }
-        let Slices { models, handed, memories } =
+        let Slices { models, intermediates, buffer_sizes } =
             self.bundle.splitting(self.precision, self.global_window)?.split(slices)?;
         let (inputs, whole) = (spec.inputs.len(), [spec.inputs, spec.outputs].concat());
         let position = |tensor: &SliceTensor| match *tensor {
             SliceTensor::Input(at) => Tensor::Whole(at),
             SliceTensor::Output(at) => Tensor::Whole(inputs + at),
-            SliceTensor::Handed(at) => Tensor::Memory(handed[at].memory),
+            SliceTensor::Intermediate(at) => Tensor::Intermediate(intermediates[at].buffer),
         };
         let spec_of = |tensor: &SliceTensor| match *tensor {
             SliceTensor::Input(at) => whole[at].clone(),
             SliceTensor::Output(at) => whole[inputs + at].clone(),
-            SliceTensor::Handed(at) => TensorSpec::new(&handed[at].name, handed[at].precision, &handed[at].shape),
+            SliceTensor::Intermediate(at) => {
+                let IntermediateTensor { name, precision, shape, .. } = &intermediates[at];
+                TensorSpec::new(name, *precision, shape)
+            }
         };
         let make = |(i, model): (usize, &SliceModel)| {
             proceed()?;
@@ -106,7 +111,7 @@ impl TransformerSource<'_> {
             Ok(Slice { graph, tensors: model.inputs.iter().chain(&model.outputs).map(position).collect() })
         };
         let slices = models.iter().enumerate().map(make).collect::<Result<_>>()?;
-        Ok(Transformer { slices, tensors: whole, inputs, memories })
+        Ok(Transformer { slices, tensors: whole, inputs, intermediates: buffer_sizes })
     }
 
     /// Makes the sessions of as few slices as keep the longest within `limit`, and returns the measured time of the longest one. The whole
@@ -152,7 +157,7 @@ fn more_slices(
         return Ok(None);
     }
     let wanted = share(slices)? * limit.as_secs_f64() / longest.as_secs_f64();
-    // A quarter more at least: estimates that are always too low must not load every number in turn.
+    // Grow by at least a quarter, or an estimate that stays too low would try every number.
     for more in (slices + slices.div_ceil(4)).min(most)..most {
         if share(more)? <= wanted {
             return Ok(Some(more));
@@ -166,7 +171,7 @@ impl Transformer {
     pub(super) fn whole(graph: Arc<Graph>, spec: GraphSpec) -> Self {
         let (inputs, tensors) = (spec.inputs.len(), [spec.inputs, spec.outputs].concat());
         let slice = Slice { graph, tensors: (0..tensors.len()).map(Tensor::Whole).collect() };
-        Self { slices: vec![slice], tensors, inputs, memories: Vec::new() }
+        Self { slices: vec![slice], tensors, inputs, intermediates: Vec::new() }
     }
 
     /// Number of slices.
@@ -190,15 +195,15 @@ impl Transformer {
         self.inputs
     }
 
-    /// Bytes of a rollout's memories for values that slices hand over.
-    pub(super) fn handed_bytes(&self) -> u64 {
-        self.memories.iter().map(|&bytes| bytes as u64).sum()
+    /// Bytes of a rollout's intermediate tensors between slices.
+    pub(super) fn intermediate_bytes(&self) -> u64 {
+        self.intermediates.iter().map(|&bytes| bytes as u64).sum()
     }
 
-    /// The memories in which slices hand values over, for [`bind`](Self::bind). Bindings of one context may share them, because its passes
+    /// Buffers for the intermediate tensors between slices, for [`bind`](Self::bind). Bindings of one context may share them, because its passes
     /// follow each other.
-    pub(super) fn memories(&self, context: &mut dyn ExecutionContext) -> Result<Vec<BufferId>> {
-        self.memories.iter().map(|&bytes| context.buffer(bytes)).collect()
+    pub(super) fn intermediate_buffers(&self, context: &mut dyn ExecutionContext) -> Result<Vec<BufferId>> {
+        self.intermediates.iter().map(|&bytes| context.buffer(bytes)).collect()
     }
 
     /// Binds all slices permanently: `tensors` are the inputs of the whole transformer in order, then its outputs in order.
@@ -206,12 +211,12 @@ impl Transformer {
         &self,
         context: &mut dyn ExecutionContext,
         tensors: &[BufferId],
-        memories: &[BufferId],
+        intermediates: &[BufferId],
     ) -> Result<PassBinding> {
         assert_eq!(tensors.len(), self.tensors.len(), "one buffer for each input and output");
         let buffer = |tensor: &Tensor| match *tensor {
             Tensor::Whole(at) => tensors[at],
-            Tensor::Memory(at) => memories[at],
+            Tensor::Intermediate(at) => intermediates[at],
         };
         let bind = |slice: &Slice| {
             let buffers: Vec<BufferId> = slice.tensors.iter().map(buffer).collect();
@@ -220,16 +225,16 @@ impl Transformer {
         self.slices.iter().map(bind).collect::<Result<_>>().map(PassBinding)
     }
 
-    /// For tests: pairs of values that slices hand over in memories of one size, of which a slice could read the wrong one.
+    /// For tests: slice, input, and another intermediate tensor of the same size that the slice could read by mistake.
     #[cfg(test)]
     fn confusable(&self) -> Vec<(usize, usize, usize)> {
         let mut pairs = Vec::new();
         for (i, slice) in self.slices.iter().enumerate() {
             let inputs = slice.graph.input_count();
             for (at, tensor) in slice.tensors[..inputs].iter().enumerate() {
-                let Tensor::Memory(own) = *tensor else { continue };
-                let alike = |&other: &usize| other != own && self.memories[other] == self.memories[own];
-                pairs.extend((0..self.memories.len()).filter(alike).map(|other| (i, at, other)));
+                let Tensor::Intermediate(own) = *tensor else { continue };
+                let alike = |&other: &usize| other != own && self.intermediates[other] == self.intermediates[own];
+                pairs.extend((0..self.intermediates.len()).filter(alike).map(|other| (i, at, other)));
             }
         }
         pairs
@@ -241,11 +246,11 @@ impl Transformer {
         self.confusable().len()
     }
 
-    /// For tests: binds an input of a slice to the memory of another value.
+    /// For tests: binds an input of a slice to the buffer of another intermediate tensor.
     #[cfg(test)]
     pub(super) fn mutate(&mut self, mutant: usize) {
         let (slice, input, memory) = self.confusable()[mutant];
-        self.slices[slice].tensors[input] = Tensor::Memory(memory);
+        self.slices[slice].tensors[input] = Tensor::Intermediate(memory);
     }
 
     /// Measures passes: the median time of each slice, by the device's clock if it has one.
@@ -253,8 +258,8 @@ impl Transformer {
         let mut context = device.context()?;
         let buffers: Vec<BufferId> =
             self.tensors.iter().map(|spec| context.buffer(spec.bytes())).collect::<Result<_>>()?;
-        // Typical values: zeroes have a speed of their own.
-        let (wide, half) = (vec![0.1_f32; FILLED_AT_ONCE], vec![f16::from_f32(0.1); FILLED_AT_ONCE]);
+        // Non-zero values, because kernels may be faster on zeroes.
+        let (wide, half) = (vec![0.1_f32; UPLOAD_CHUNK], vec![f16::from_f32(0.1); UPLOAD_CHUNK]);
         for (buffer, spec) in buffers.iter().zip(&self.tensors[..self.inputs]) {
             let values: &[u8] = match spec.element {
                 ElementType::F16 => bytemuck::cast_slice(&half),
@@ -264,8 +269,8 @@ impl Transformer {
                 context.upload(*buffer, at, &values[..values.len().min(spec.bytes() - at)])?;
             }
         }
-        let memories = self.memories(&mut *context)?;
-        let binding = self.bind(&mut *context, &buffers, &memories)?;
+        let intermediates = self.intermediate_buffers(&mut *context)?;
+        let binding = self.bind(&mut *context, &buffers, &intermediates)?;
         let mut times = vec![Vec::with_capacity(MEASURED_PASSES); self.slices.len()];
         for pass in 0..=MEASURED_PASSES {
             for ((slice, binding), times) in self.slices.iter().zip(&binding.0).zip(&mut times) {
@@ -313,7 +318,7 @@ mod tests {
         assert_eq!(more(1, 24, 24), None);
         assert_eq!(more(1, 24, 23), Some(2));
         assert_eq!(more(1, 24, 8), Some(3));
-        // Five slices have five layers at most, as six have four.
+        // In five slices the longest has five layers, in six it has four.
         assert_eq!(more(1, 24, 4), Some(6));
         assert_eq!(more(1, 24, 1), Some(24));
         assert_eq!(more(1, 24, 0), Some(24));

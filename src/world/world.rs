@@ -197,7 +197,7 @@ impl World {
 
     /// Bytes of a rollout's rings, slabs and values that slices hand over.
     pub(super) fn rollout_need(&self) -> u64 {
-        self.need.ring.saturating_add(self.need.slabs).saturating_add(self.transformer.handed_bytes())
+        self.need.ring.saturating_add(self.need.slabs).saturating_add(self.transformer.intermediate_bytes())
     }
 
     /// The limit on a rollout's queued work.

@@ -428,7 +428,7 @@ fn a_host_s_preference_decides_and_statistics_name_the_generator() {
             (LARGE, auto, "fsr 4.0.3", ""),
             (LARGE, require, "fsr 4.0.3", ""),
             (LARGE, never, "spatial", "not to be used"),
-            ((64, 48), auto, "spatial", "makes anchors larger"),
+            ((64, 48), auto, "spatial", "upscales anchors"),
             (SIZE, auto, "", ""),
         ] {
             let presenter = host_presenter_of(size, [auto, auto, upscaler]).expect("a presenter");

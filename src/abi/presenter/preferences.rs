@@ -69,7 +69,7 @@ pub(super) fn cpu_generator(options: &cairn_presenter_options) -> Outcome<(Optio
     }
     for (preference, cause) in [
         (options.fsr, "fsr makes the frames half way between two anchors, and needs shaders for all others"),
-        (options.upscaler, "what AMD's upscaler makes larger shaders generate frames of"),
+        (options.upscaler, "AMD's upscaler needs shaders to generate frames from upscaled anchors"),
     ] {
         if preference == CAIRN_PREFER_REQUIRE && options.shader == CAIRN_PREFER_NEVER {
             return Err(Failure::new(CAIRN_ERROR_UNSUPPORTED, cause)

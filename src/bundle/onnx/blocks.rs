@@ -6,7 +6,7 @@ use half::f16;
 
 use super::operators::{NBITS, int_attribute};
 use super::proto::{Data, Graph, Node, Tensor};
-use super::{Check, Element, Fault, quoted};
+use super::{CheckResult, DataType, Fault, quoted};
 use crate::bundle::{GraphKind, Processor, Quantisation};
 
 /// Bytes of the largest stored matrix as each kind of processor unpacks it to multiply by it; 0 if it unpacks none.
@@ -26,13 +26,13 @@ impl Unpacked {
     }
 
     /// The matrix of a product whose activations are of type `element`.
-    pub(super) fn of(product: &Node<'_>, element: Element) -> Self {
+    pub(super) fn of(product: &Node<'_>, element: DataType) -> Self {
         let attribute = |name| int_attribute(product, name).unwrap_or(0);
         let size = |name| u64::try_from(attribute(name)).unwrap_or(0);
         let numbers = size("K").saturating_mul(size("N"));
         // Without 8-bit activations the CPU provider has no kernel for 8 bits, and multiplies in float32.
         let is_unpacked_on_cpu = attribute("bits") == 8 && attribute("accuracy_level") != INT8_ACTIVATIONS;
-        let cpu = if is_unpacked_on_cpu { numbers.saturating_mul(Element::F32.bytes()) } else { 0 };
+        let cpu = if is_unpacked_on_cpu { numbers.saturating_mul(DataType::F32.bytes()) } else { 0 };
         Self { cpu, gpu: numbers.saturating_mul(element.bytes()) }
     }
 
@@ -95,7 +95,11 @@ fn positive(bytes: &[u8], skipped: usize) -> Result<(), String> {
 }
 
 /// Checks that the products of `graph` read stored matrices in the form that the manifest states, and returns their scales.
-pub(super) fn check_blocks(graph: &Graph<'_>, kind: GraphKind, stated: Option<&Quantisation>) -> Check<Vec<Scales>> {
+pub(super) fn check_blocks(
+    graph: &Graph<'_>,
+    kind: GraphKind,
+    stated: Option<&Quantisation>,
+) -> CheckResult<Vec<Scales>> {
     let (mut found, mut checked) = (Vec::new(), HashSet::new());
     let stored_tensors = StoredTensors::of(graph);
     for node in graph.nodes.iter().filter(|node| node.operator == NBITS) {
@@ -104,8 +108,8 @@ pub(super) fn check_blocks(graph: &Graph<'_>, kind: GraphKind, stated: Option<&Q
         let [_, numbers, scales, ..] = node.inputs.as_slice() else {
             return Err(within(Fault::new(format!("{NBITS} has {} inputs", node.inputs.len()))));
         };
-        stored_tensors.get(numbers, Element::U8, false).map_err(within)?;
-        let scales = stored_tensors.get(scales, Element::F16, true).map_err(within)?;
+        stored_tensors.get(numbers, DataType::U8, false).map_err(within)?;
+        let scales = stored_tensors.get(scales, DataType::F16, true).map_err(within)?;
         if !checked.insert(scales.name) {
             continue;
         }
@@ -127,7 +131,7 @@ pub(super) fn check_blocks(graph: &Graph<'_>, kind: GraphKind, stated: Option<&Q
 }
 
 /// Checks that a product has the bits, blocks and activations that the manifest states.
-fn check_form(node: &Node<'_>, stated: Option<&Quantisation>) -> Check<()> {
+fn check_form(node: &Node<'_>, stated: Option<&Quantisation>) -> CheckResult<()> {
     let Some(stated) = stated else {
         return Err(Fault::new(format!("{NBITS} is there, and the manifest states no `quantisation`")));
     };
@@ -161,7 +165,7 @@ impl<'g, 'a> StoredTensors<'g, 'a> {
     }
 
     /// The stored tensor called `name`, or one that a `Cast` makes it of if `is_cast_allowed`.
-    fn get(&self, name: &str, element: Element, is_cast_allowed: bool) -> Check<&'g Tensor<'a>> {
+    fn get(&self, name: &str, element: DataType, is_cast_allowed: bool) -> CheckResult<&'g Tensor<'a>> {
         let cast = self.casts.get(name).filter(|_| is_cast_allowed);
         let tensor = self.tensors.get(cast.copied().unwrap_or(name)).copied();
         tensor.filter(|tensor| tensor.data_type == element as i64).ok_or_else(|| {

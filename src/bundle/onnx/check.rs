@@ -5,8 +5,8 @@ use super::interface::Interface;
 use super::operators::check_node;
 use super::proto::{self, Data, Model, Tensor};
 use super::residual::ResidualStream;
-use super::shape_inference::{Footprint, Reader, infer_sizes, tensor_shape};
-use super::{Check, Element, Fault, quoted};
+use super::shape_inference::{Footprint, NodeVisitor, infer_sizes, tensor_shape};
+use super::{CheckResult, DataType, Fault, quoted};
 use crate::bundle::{GraphKind, Manifest, Precision, invalid, names};
 use crate::{Error, ErrorKind, Result};
 
@@ -44,8 +44,8 @@ impl ModelContext<'_> {
     }
 
     /// The error for the model, of a fault.
-    pub(super) fn refuse(&self, fault: Fault) -> crate::Error {
-        if fault.memory {
+    pub(super) fn to_error(&self, fault: Fault) -> crate::Error {
+        if fault.is_out_of_memory {
             return Error::new(ErrorKind::OutOfMemory, fault.cause).field(self.path());
         }
         self.invalid(fault.cause)
@@ -55,23 +55,23 @@ impl ModelContext<'_> {
 /// Checks the model `onnx` against section 4 of the format.
 ///
 /// # Errors
-/// `InvalidBundle` with the model's file name.
+/// `InvalidBundle` with the model's file name; `OutOfMemory`.
 pub(in crate::bundle) fn check(onnx: &[u8], context: ModelContext<'_>) -> Result<ExternalData> {
-    inspect(onnx, context).map_err(|fault| context.refuse(fault))
+    check_model(onnx, context).map_err(|fault| context.to_error(fault))
 }
 
 /// Memory and cost of a checked model at a global window of `g` latents.
 ///
 /// # Errors
-/// `InvalidBundle` if shape inference fails at this window.
+/// `InvalidBundle` if shape inference fails at this window; `OutOfMemory`.
 pub(in crate::bundle) fn footprint(onnx: &[u8], context: ModelContext<'_>, g: u32) -> Result<Footprint> {
     parse(onnx)
         .and_then(|model| footprint_at(&model, context, g, &mut |_, _, _| ()))
-        .map_err(|fault| context.refuse(fault))
+        .map_err(|fault| context.to_error(fault))
 }
 
 /// Parses a model that is not too large.
-pub(super) fn parse(onnx: &[u8]) -> Check<Model<'_>> {
+pub(super) fn parse(onnx: &[u8]) -> CheckResult<Model<'_>> {
     if onnx.len() > MAX_MODEL {
         return Err(Fault::new(format!("the model has {} bytes, at most {MAX_MODEL} are read", onnx.len())));
     }
@@ -79,7 +79,7 @@ pub(super) fn parse(onnx: &[u8]) -> Check<Model<'_>> {
 }
 
 /// The version of the default domain. ONNX Runtime's domain may follow it.
-pub(super) fn opset(model: &Model<'_>) -> Check<i64> {
+pub(super) fn opset(model: &Model<'_>) -> CheckResult<i64> {
     match model.opsets.as_slice() {
         [("" | "ai.onnx", version)] | [("" | "ai.onnx", version), (proto::CONTRIB, 1)] if OPSETS.contains(version) => {
             Ok(*version)
@@ -95,7 +95,7 @@ pub(super) fn opset(model: &Model<'_>) -> Check<i64> {
     }
 }
 
-fn inspect(onnx: &[u8], context: ModelContext<'_>) -> Check<ExternalData> {
+fn check_model(onnx: &[u8], context: ModelContext<'_>) -> CheckResult<ExternalData> {
     let model = parse(onnx)?;
     if !IR_VERSIONS.contains(&model.ir_version) {
         return Err(Fault::new(format!("the IR version is {}, 8 to 10 are allowed", model.ir_version)));
@@ -121,31 +121,35 @@ fn inspect(onnx: &[u8], context: ModelContext<'_>) -> Check<ExternalData> {
 }
 
 /// The residual stream of a transformer.
-fn residual_stream<'a>(model: &'a Model<'a>, context: ModelContext<'_>) -> Check<ResidualStream<'a>> {
+fn residual_stream<'a>(model: &'a Model<'a>, context: ModelContext<'_>) -> CheckResult<ResidualStream<'a>> {
     let mut stream = ResidualStream::new(&context.manifest.geometry);
-    read_nodes(model, context, &mut |node, inputs, outputs| stream.read(node, inputs, outputs))?;
+    visit_nodes(model, context, &mut |node, inputs, outputs| stream.read(node, inputs, outputs))?;
     Ok(stream)
 }
 
-/// Hands the nodes of a model to `reader`, with shapes at the narrowest window.
-pub(super) fn read_nodes<'a>(model: &'a Model<'a>, context: ModelContext<'_>, reader: Reader<'_, 'a>) -> Check<()> {
-    footprint_at(model, context, context.manifest.geometry.global.dilation, reader).map(drop)
+/// Hands the nodes of a model to `visitor`, with shapes at the narrowest window.
+pub(super) fn visit_nodes<'a>(
+    model: &'a Model<'a>,
+    context: ModelContext<'_>,
+    visitor: NodeVisitor<'_, 'a>,
+) -> CheckResult<()> {
+    footprint_at(model, context, context.manifest.geometry.global.dilation, visitor).map(drop)
 }
 
-/// Infers the sizes of a model at a global window of `g` latents, and hands the nodes that run to `reader`.
+/// Infers the sizes of a model at a global window of `g` latents, and hands the nodes that run to `visitor`.
 pub(super) fn footprint_at<'a>(
     model: &'a Model<'a>,
     context: ModelContext<'_>,
     g: u32,
-    reader: Reader<'_, 'a>,
-) -> Check<Footprint> {
+    visitor: NodeVisitor<'_, 'a>,
+) -> CheckResult<Footprint> {
     let Interface { inputs, outputs } = Interface::of(context.kind, context.precision, context.manifest);
     let inputs: Vec<_> = inputs.iter().map(|port| (port.name.as_str(), port.shape(context.manifest, g))).collect();
     let outputs: Vec<_> = outputs.iter().map(|port| (port.name.as_str(), port.shape(context.manifest, g))).collect();
-    infer_sizes(&model.graph, opset(model)?, &inputs, &outputs, reader)
+    infer_sizes(&model.graph, opset(model)?, &inputs, &outputs, visitor)
 }
 
-fn check_tensors(tensors: &[Tensor<'_>], context: ModelContext<'_>) -> Check<Vec<(String, String)>> {
+fn check_tensors(tensors: &[Tensor<'_>], context: ModelContext<'_>) -> CheckResult<Vec<(String, String)>> {
     let mut external: Vec<(String, String)> = Vec::new();
     for tensor in tensors {
         let fault = |cause: String| Fault::new(format!("initializer {}: {cause}", quoted(tensor.name)));
@@ -164,7 +168,7 @@ fn check_tensors(tensors: &[Tensor<'_>], context: ModelContext<'_>) -> Check<Vec
                 }
             }
             Data::External { location, offset, length } => {
-                if !matches!(shape.element, Element::F16 | Element::U8) {
+                if !matches!(shape.element, DataType::F16 | DataType::U8) {
                     return Err(fault(format!("external data is float16 or uint8, this is {}", shape.element)));
                 }
                 if bytes != Some(length) {
@@ -185,7 +189,7 @@ fn check_tensors(tensors: &[Tensor<'_>], context: ModelContext<'_>) -> Check<Vec
 }
 
 /// The listed file that an external location names; locations are relative to the model's folder.
-fn resolve(location: &str, context: ModelContext<'_>) -> Check<String> {
+fn resolve(location: &str, context: ModelContext<'_>) -> CheckResult<String> {
     if let Some(cause) = names::violation(location) {
         return Err(Fault::new(format!("the location {} is refused: {cause}", quoted(location))));
     }

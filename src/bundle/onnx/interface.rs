@@ -1,7 +1,7 @@
 //! Inputs and outputs that each graph must have: the tables of `docs/bundle.md` section 4 for a manifest's geometry.
 
 use super::proto::{Dim, ValueInfo};
-use super::{Check, Element, Fault, Shape, quoted};
+use super::{CheckResult, DataType, Fault, Shape, quoted};
 use crate::bundle::{GraphKind, Manifest, Precision};
 
 /// Pictures per run of the autoencoder.
@@ -11,7 +11,7 @@ const PICTURES: u32 = 4;
 #[derive(Debug, Clone)]
 pub(super) struct Port {
     pub(super) name: String,
-    element: Element,
+    element: DataType,
     dims: Vec<PortDim>,
 }
 
@@ -44,8 +44,8 @@ pub(super) struct Interface {
 impl Interface {
     pub(super) fn of(kind: GraphKind, precision: Precision, manifest: &Manifest) -> Self {
         let f = match precision {
-            Precision::F32 => Element::F32,
-            Precision::F16 => Element::F16,
+            Precision::F32 => DataType::F32,
+            Precision::F16 => DataType::F16,
         };
         match kind {
             GraphKind::Transformer => transformer(f, manifest),
@@ -55,18 +55,18 @@ impl Interface {
     }
 
     /// Compares the model's inputs and outputs with the format's: names, order, types, ranks, dimensions.
-    pub(super) fn check(&self, inputs: &[ValueInfo<'_>], outputs: &[ValueInfo<'_>]) -> Check<()> {
+    pub(super) fn check(&self, inputs: &[ValueInfo<'_>], outputs: &[ValueInfo<'_>]) -> CheckResult<()> {
         compare("input", &self.inputs, inputs)?;
         compare("output", &self.outputs, outputs)
     }
 }
 
 impl Port {
-    fn new(name: impl Into<String>, element: Element, dims: Vec<PortDim>) -> Self {
+    fn new(name: impl Into<String>, element: DataType, dims: Vec<PortDim>) -> Self {
         Self { name: name.into(), element, dims }
     }
 
-    fn fixed(name: impl Into<String>, element: Element, dims: &[u32]) -> Self {
+    fn fixed(name: impl Into<String>, element: DataType, dims: &[u32]) -> Self {
         Self::new(name, element, dims.iter().map(|&n| PortDim::Fixed(n)).collect())
     }
 
@@ -75,24 +75,24 @@ impl Port {
         let geometry = &manifest.geometry;
         let length = |dim: &PortDim| match *dim {
             PortDim::Fixed(n) => u64::from(n),
-            PortDim::Past { global } => geometry.buckets(global, g) * u64::from(geometry.tokens),
-            PortDim::Keys { global } => (geometry.buckets(global, g) + 1) * u64::from(geometry.tokens),
+            PortDim::Past { global } => geometry.slot_count(global, g) * u64::from(geometry.tokens),
+            PortDim::Keys { global } => (geometry.slot_count(global, g) + 1) * u64::from(geometry.tokens),
         };
         Shape { element: self.element, dims: self.dims.iter().map(length).collect() }
     }
 }
 
-fn latent(name: &str, f: Element, m: &Manifest) -> Port {
+fn latent(name: &str, f: DataType, m: &Manifest) -> Port {
     let shape = m.geometry.latent;
     Port::fixed(name, f, &[1, shape.channels, shape.height, shape.width])
 }
 
-fn rgb(f: Element, m: &Manifest) -> Port {
+fn rgb(f: DataType, m: &Manifest) -> Port {
     let [width, height] = m.picture.decoded;
     Port::fixed("rgb", f, &[PICTURES, 3, height, width])
 }
 
-fn transformer(f: Element, m: &Manifest) -> Interface {
+fn transformer(f: DataType, m: &Manifest) -> Interface {
     let g = &m.geometry;
     let angles = [1, 1, g.tokens, g.head_width / 2];
     let mask = |name, global| {
@@ -100,36 +100,36 @@ fn transformer(f: Element, m: &Manifest) -> Interface {
     };
     let mut inputs = vec![
         latent("x", f, m),
-        Port::fixed("sigma", Element::F32, &[1]),
-        Port::fixed("dsigma", Element::F32, &[1]),
-        Port::fixed("rope_cos", Element::F32, &angles),
-        Port::fixed("rope_sin", Element::F32, &angles),
-        Port::fixed("controls", Element::F32, &[1, m.controls.mouse + m.controls.buttons + m.controls.scroll]),
+        Port::fixed("sigma", DataType::F32, &[1]),
+        Port::fixed("dsigma", DataType::F32, &[1]),
+        Port::fixed("rope_cos", DataType::F32, &angles),
+        Port::fixed("rope_sin", DataType::F32, &angles),
+        Port::fixed("controls", DataType::F32, &[1, m.controls.mouse + m.controls.buttons + m.controls.scroll]),
         mask("local_mask", false),
         mask("global_mask", true),
     ];
     let mut outputs = vec![latent("x_next", f, m)];
     for i in 0..g.layers {
         let past = PortDim::Past { global: g.is_global(i) };
-        for half in ["k", "v"] {
+        for part in ["k", "v"] {
             let dims = vec![PortDim::Fixed(1), PortDim::Fixed(g.kv_heads), past, PortDim::Fixed(g.head_width)];
-            inputs.push(Port::new(format!("past.{i}.{half}"), f, dims));
-            outputs.push(Port::fixed(format!("present.{i}.{half}"), f, &[1, g.kv_heads, g.tokens, g.head_width]));
+            inputs.push(Port::new(format!("past.{i}.{part}"), f, dims));
+            outputs.push(Port::fixed(format!("present.{i}.{part}"), f, &[1, g.kv_heads, g.tokens, g.head_width]));
         }
     }
     Interface { inputs, outputs }
 }
 
-fn encoder(f: Element, m: &Manifest) -> Interface {
+fn encoder(f: DataType, m: &Manifest) -> Interface {
     with_memories(f, &m.geometry.autoencoder.encoder_memories, rgb(f, m), latent("latent", f, m))
 }
 
-fn decoder(f: Element, m: &Manifest) -> Interface {
+fn decoder(f: DataType, m: &Manifest) -> Interface {
     with_memories(f, &m.geometry.autoencoder.memories, latent("latent", f, m), rgb(f, m))
 }
 
 /// Interface of a graph from `input` to `output` that also takes and returns memories of `shapes`, each `[channels, height, width]`.
-fn with_memories(f: Element, shapes: &[[u32; 3]], input: Port, output: Port) -> Interface {
+fn with_memories(f: DataType, shapes: &[[u32; 3]], input: Port, output: Port) -> Interface {
     let ports = |first, prefix: &str| {
         let memory = |(j, &[c, h, w]): (usize, &[u32; 3])| Port::fixed(format!("{prefix}.{j}"), f, &[1, c, h, w]);
         std::iter::once(first).chain(shapes.iter().enumerate().map(memory)).collect()
@@ -137,7 +137,7 @@ fn with_memories(f: Element, shapes: &[[u32; 3]], input: Port, output: Port) -> 
     Interface { inputs: ports(input, "past_mem"), outputs: ports(output, "present_mem") }
 }
 
-fn compare(role: &str, expected: &[Port], found: &[ValueInfo<'_>]) -> Check<()> {
+fn compare(role: &str, expected: &[Port], found: &[ValueInfo<'_>]) -> CheckResult<()> {
     for (i, (port, value)) in expected.iter().zip(found).enumerate() {
         let fault = |what: &str| Fault::new(format!("{role} {i} must be `{}` {}; {what}", port.name, describe(port)));
         if value.name != port.name {
@@ -149,10 +149,10 @@ fn compare(role: &str, expected: &[Port], found: &[ValueInfo<'_>]) -> Check<()> 
         if value.dims.len() != port.dims.len() {
             return Err(fault(&format!("its rank is {}", value.dims.len())));
         }
-        for (axis, (side, dim)) in port.dims.iter().zip(&value.dims).enumerate() {
-            let fits = match (side, dim) {
+        for (axis, (expected, dim)) in port.dims.iter().zip(&value.dims).enumerate() {
+            let fits = match (expected, dim) {
                 (PortDim::Fixed(n), Dim::Number(found)) => i64::from(*n) == *found,
-                (side, Dim::Symbol(found)) => side.symbol() == Some(*found),
+                (expected, Dim::Symbol(found)) => expected.symbol() == Some(*found),
                 _ => false,
             };
             if !fits {
@@ -170,7 +170,7 @@ fn describe(port: &Port) -> String {
     let dims: Vec<String> = port
         .dims
         .iter()
-        .map(|side| match side {
+        .map(|dim| match dim {
             PortDim::Fixed(n) => n.to_string(),
             other => other.symbol().unwrap_or_default().to_owned(),
         })

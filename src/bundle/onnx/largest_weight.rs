@@ -22,13 +22,13 @@ pub(crate) fn largest_weight(onnx: &[u8]) -> Result<Option<(String, u64)>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::model_writer::{ModelWriter, ValueType};
+    use super::super::{DataType, ModelWriter};
     use super::*;
 
     #[test]
     fn the_largest_weight_is_found() {
         let mut model = ModelWriter::default();
-        model.input("x", ValueType::F32, &[1000]);
+        model.input("x", DataType::F32, &[1000]);
         model.constant("small", &[1], &[1.0_f32]);
         model.constant("large", &[2, 3], &[1_i64; 6]);
         model.constant("middle", &[2], &[1_i32; 2]);

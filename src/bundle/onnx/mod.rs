@@ -5,7 +5,7 @@
 //! - [`residual`] finds the residual stream and checks its type.
 //! - [`blocks`] checks the matrices that are stored in fewer than 16 bits.
 //! - [`peaks`] adds outputs to a model: the largest magnitudes of its values.
-//! - [`partial_sums`] divides float16 products by weights for providers that add float16 in float16.
+//! - [`split_k`] divides float16 products by weights into sums of fewer numbers, for providers that add float16 in float16.
 //! - [`products`] rewrites the products of attention for providers without `FusedMatMul`.
 //! - [`largest_weight`] finds a model's largest tensor of weights.
 //! - [`model_writer`] writes the small models that move and check values on a device.
@@ -21,13 +21,13 @@ mod interface;
 mod largest_weight;
 mod model_writer;
 mod operators;
-mod partial_sums;
 mod peaks;
 mod products;
 mod proto;
 mod residual;
 mod shape_inference;
 mod slices;
+mod split_k;
 #[cfg(any(windows, test))]
 mod weights;
 mod wire;
@@ -36,42 +36,42 @@ mod writer;
 pub(super) use blocks::check_scales;
 pub(super) use check::{ExternalData, ModelContext, check, footprint};
 pub(crate) use largest_weight::largest_weight;
-pub(crate) use model_writer::{ModelWriter, ValueType};
+pub(crate) use model_writer::ModelWriter;
 pub use operators::operators;
-pub(crate) use partial_sums::with_partial_sums;
 pub(crate) use peaks::ModelWithPeaks;
 pub(crate) use products::without_fused_products;
 pub(super) use shape_inference::Footprint;
 pub use slices::slice_transformer;
-pub(crate) use slices::{SliceModel, SliceTensor, Slices};
+pub(crate) use slices::{IntermediateTensor, SliceModel, SliceTensor, Slices};
+pub(crate) use split_k::with_split_k;
 #[cfg(windows)]
 pub(crate) use weights::{Weight, weights_as_inputs};
 
 use crate::{Error, ErrorKind};
 
 /// Result of a check inside one model.
-type Check<T> = Result<T, Fault>;
+type CheckResult<T> = Result<T, Fault>;
 
 /// Why a model is refused: one sentence without a final stop.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Fault {
     cause: String,
-    /// Out of memory during the check; the model is not at fault.
-    memory: bool,
+    /// The model is not at fault: memory ran out during the check.
+    is_out_of_memory: bool,
 }
 
 impl Fault {
     fn new(cause: impl Into<String>) -> Self {
-        Self { cause: cause.into(), memory: false }
+        Self { cause: cause.into(), is_out_of_memory: false }
     }
 
     fn no_memory(_: impl std::error::Error) -> Self {
-        Self { cause: "the lists that are needed to check it cannot be allocated".into(), memory: true }
+        Self { cause: "the lists that are needed to check it cannot be allocated".into(), is_out_of_memory: true }
     }
 
     /// The error for a model without a file, such as one that is rewritten.
     fn error(self) -> Error {
-        Error::new(if self.memory { ErrorKind::OutOfMemory } else { ErrorKind::InvalidBundle }, self.cause)
+        Error::new(if self.is_out_of_memory { ErrorKind::OutOfMemory } else { ErrorKind::InvalidBundle }, self.cause)
     }
 
     /// The same fault with `location` prepended.
@@ -89,17 +89,19 @@ fn quoted(name: &str) -> String {
     format!("`{text}`")
 }
 
-/// Element types a bundle's graphs may have, with ONNX's numbers for them (`TensorProto.DataType`).
+/// Element types of values, with ONNX's numbers for them (`TensorProto.DataType`). A bundle's graphs may have all but `I32`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Element {
+pub(crate) enum DataType {
     F32 = 1,
     U8 = 2,
+    I32 = 6,
     I64 = 7,
     F16 = 10,
 }
 
-impl Element {
-    fn of(data_type: i64) -> Check<Self> {
+impl DataType {
+    /// The type of a value in a bundle's graph.
+    fn of(data_type: i64) -> CheckResult<Self> {
         match data_type {
             1 => Ok(Self::F32),
             2 => Ok(Self::U8),
@@ -119,7 +121,7 @@ impl Element {
 
     fn bytes(self) -> u64 {
         match self {
-            Self::F32 => 4,
+            Self::F32 | Self::I32 => 4,
             Self::U8 => 1,
             Self::I64 => 8,
             Self::F16 => 2,
@@ -127,11 +129,12 @@ impl Element {
     }
 }
 
-impl std::fmt::Display for Element {
+impl std::fmt::Display for DataType {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::F32 => "float32",
             Self::U8 => "uint8",
+            Self::I32 => "int32",
             Self::I64 => "int64",
             Self::F16 => "float16",
         })
@@ -141,7 +144,7 @@ impl std::fmt::Display for Element {
 /// Type and size of a value.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Shape {
-    element: Element,
+    element: DataType,
     dims: Vec<u64>,
 }
 

@@ -1,21 +1,11 @@
 //! Writes small models: those that move and check values on a device.
 
+use super::DataType;
 use super::writer::{write_bytes, write_int};
-
-/// Element types of values, with ONNX's numbers for them (`TensorProto.DataType`).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum ValueType {
-    F32 = 1,
-    #[cfg(any(windows, test))]
-    U8 = 2,
-    I32 = 6,
-    I64 = 7,
-    F16 = 10,
-}
 
 /// A type of a constant's elements.
 pub(crate) trait Number: Copy {
-    const TYPE: ValueType;
+    const TYPE: DataType;
 
     /// Its bytes in a model: little-endian.
     fn to_bytes(self) -> impl IntoIterator<Item = u8>;
@@ -24,7 +14,7 @@ pub(crate) trait Number: Copy {
 macro_rules! numbers {
     ($($number:ty => $value_type:ident),*) => {$(
         impl Number for $number {
-            const TYPE: ValueType = ValueType::$value_type;
+            const TYPE: DataType = DataType::$value_type;
 
             fn to_bytes(self) -> impl IntoIterator<Item = u8> {
                 self.to_le_bytes()
@@ -48,11 +38,11 @@ pub(crate) struct ModelWriter {
 }
 
 impl ModelWriter {
-    pub(crate) fn input(&mut self, name: &str, element: ValueType, dims: &[usize]) {
+    pub(crate) fn input(&mut self, name: &str, element: DataType, dims: &[usize]) {
         write_bytes(&mut self.graph, 11, &value_info(name, element, dims));
     }
 
-    pub(crate) fn output(&mut self, name: &str, element: ValueType, dims: &[usize]) {
+    pub(crate) fn output(&mut self, name: &str, element: DataType, dims: &[usize]) {
         write_bytes(&mut self.graph, 12, &value_info(name, element, dims));
     }
 
@@ -103,7 +93,7 @@ pub(super) fn attribute(name: &str, values: &[i64], is_list: bool) -> Vec<u8> {
 }
 
 /// `TensorProto` with its elements in little-endian bytes.
-pub(super) fn tensor(name: &str, element: ValueType, dims: &[usize], bytes: &[u8]) -> Vec<u8> {
+pub(super) fn tensor(name: &str, element: DataType, dims: &[usize], bytes: &[u8]) -> Vec<u8> {
     let mut tensor = Vec::new();
     dims.iter().for_each(|&n| write_int(&mut tensor, 1, n as u64));
     write_int(&mut tensor, 2, element as u64);
@@ -113,7 +103,7 @@ pub(super) fn tensor(name: &str, element: ValueType, dims: &[usize], bytes: &[u8
 }
 
 /// `ValueInfoProto`, with its `TypeProto`, `TypeProto.Tensor` and `TensorShapeProto`.
-pub(super) fn value_info(name: &str, element: ValueType, dims: &[usize]) -> Vec<u8> {
+pub(super) fn value_info(name: &str, element: DataType, dims: &[usize]) -> Vec<u8> {
     let (mut shape, mut tensor, mut kind, mut value) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for &n in dims {
         let mut dimension = Vec::new();
@@ -136,11 +126,11 @@ mod tests {
     #[test]
     fn a_written_model_is_read_back() {
         let mut model = ModelWriter::default();
-        model.input("x", ValueType::F32, &[2, 3]);
+        model.input("x", DataType::F32, &[2, 3]);
         model.constant("two", &[2], &[2, -2]);
         model.node("Mul", &["x", "two"], &["doubled"], &[]);
         model.node("ReduceMax", &["doubled"], &["y"], &[("keepdims", 0)]);
-        model.output("y", ValueType::F32, &[]);
+        model.output("y", DataType::F32, &[]);
         let written = model.finish();
         let read = proto::model(&written).unwrap();
         assert_eq!((read.ir_version, read.opsets), (10, vec![("", 21)]));

@@ -5,7 +5,7 @@
 //! without running the graph, so bounds, axes and scales must be constants inside the model.
 
 use super::proto::{Attribute, Node};
-use super::{Check, Element, Fault, Shape, quoted};
+use super::{CheckResult, DataType, Fault, Shape, quoted};
 
 /// An input of a node.
 #[derive(Clone, Copy)]
@@ -37,7 +37,7 @@ struct Operator {
     /// Maximum number of outputs.
     outputs: usize,
     attributes: &'static [(&'static str, Kind)],
-    rule: fn(&Call<'_>) -> Check<Vec<Shape>>,
+    rule: fn(&Call<'_>) -> CheckResult<Vec<Shape>>,
 }
 
 /// The product with a matrix that is stored as integers and scales.
@@ -93,7 +93,7 @@ pub fn operators() -> impl Iterator<Item = &'static str> {
     TABLE.iter().map(|operator| operator.name)
 }
 
-fn operator(name: &str) -> Check<&'static Operator> {
+fn operator(name: &str) -> CheckResult<&'static Operator> {
     TABLE
         .iter()
         .find(|operator| operator.name == name)
@@ -102,7 +102,7 @@ fn operator(name: &str) -> Check<&'static Operator> {
 
 /// Checks everything about a node that needs no shapes: operator, domain, counts, attributes. `has_contrib` says whether the model names
 /// ONNX Runtime's domain.
-pub(super) fn check_node(node: &Node<'_>, has_contrib: bool) -> Check<()> {
+pub(super) fn check_node(node: &Node<'_>, has_contrib: bool) -> CheckResult<()> {
     let operator = operator(node.operator)?;
     if node.is_contrib != CONTRIB_OPERATORS.contains(&node.operator) || node.is_contrib && !has_contrib {
         return Err(Fault::new(format!(
@@ -144,7 +144,7 @@ pub(super) fn check_node(node: &Node<'_>, has_contrib: bool) -> Check<()> {
 }
 
 /// The shapes of all outputs.
-pub(super) fn infer(call: &Call<'_>) -> Check<Vec<Shape>> {
+pub(super) fn infer(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let shapes = (operator(call.node.operator)?.rule)(call)?;
     if shapes.len() == call.node.outputs.len() {
         return Ok(shapes);
@@ -163,7 +163,7 @@ impl<'a> Call<'a> {
     }
 
     /// A floating-point input.
-    fn tensor(&self, i: usize) -> Check<&'a Shape> {
+    fn tensor(&self, i: usize) -> CheckResult<&'a Shape> {
         let operand = self.inputs.get(i).copied().flatten().ok_or_else(|| self.fault(format!("lacks input {i}")))?;
         if !operand.shape.element.is_float() {
             return Err(self.fault("computes with integers"));
@@ -176,12 +176,12 @@ impl<'a> Call<'a> {
     }
 
     /// The integers of an input that must be a one-dimensional constant inside the model.
-    fn constant_ints(&self, i: usize) -> Check<Vec<i64>> {
-        let data = self.constant(i, Element::I64)?;
+    fn constant_ints(&self, i: usize) -> CheckResult<Vec<i64>> {
+        let data = self.constant(i, DataType::I64)?;
         Ok(data.as_chunks::<8>().0.iter().map(|&bytes| i64::from_le_bytes(bytes)).collect())
     }
 
-    fn constant(&self, i: usize, element: Element) -> Check<&'a [u8]> {
+    fn constant(&self, i: usize, element: DataType) -> CheckResult<&'a [u8]> {
         let operand = self.inputs.get(i).copied().flatten();
         operand
             .filter(|o| o.shape.element == element && o.shape.dims.len() == 1)
@@ -194,7 +194,7 @@ impl<'a> Call<'a> {
     }
 
     /// A finite number.
-    fn float(&self, name: &str, default: f32) -> Check<f32> {
+    fn float(&self, name: &str, default: f32) -> CheckResult<f32> {
         match self.attribute(name) {
             Some(Attribute::Float(value)) if value.is_finite() => Ok(*value),
             None => Ok(default),
@@ -213,7 +213,7 @@ impl<'a> Call<'a> {
         }
     }
 
-    fn text(&self, name: &str, default: &'static str, allowed: &[&str]) -> Check<&'a str> {
+    fn text(&self, name: &str, default: &'static str, allowed: &[&str]) -> CheckResult<&'a str> {
         let value = match self.attribute(name) {
             Some(Attribute::Text(value)) => *value,
             _ => default,
@@ -222,7 +222,7 @@ impl<'a> Call<'a> {
     }
 
     /// An axis of `rank`, where negative ones count from the end.
-    fn axis(&self, axis: i64, rank: usize) -> Check<usize> {
+    fn axis(&self, axis: i64, rank: usize) -> CheckResult<usize> {
         let rank_signed = rank as i64;
         let counted = if axis < 0 { axis.checked_add(rank_signed) } else { Some(axis) };
         match counted.filter(|n| (0..rank_signed).contains(n)) {
@@ -232,7 +232,7 @@ impl<'a> Call<'a> {
     }
 
     /// `n` positive numbers of at most 4096, all 1 where the attribute is absent.
-    fn sizes(&self, name: &str, n: usize) -> Check<Vec<u64>> {
+    fn sizes(&self, name: &str, n: usize) -> CheckResult<Vec<u64>> {
         let Some(values) = self.ints(name) else { return Ok(vec![1; n]) };
         if values.len() != n || values.iter().any(|v| !(1..=4096).contains(v)) {
             return Err(self.fault(format!("has the {name} {values:?}")));
@@ -240,7 +240,7 @@ impl<'a> Call<'a> {
         Ok(values.iter().map(|v| v.unsigned_abs()).collect())
     }
 
-    fn one(shape: &Shape, dims: Vec<u64>) -> Check<Vec<Shape>> {
+    fn one(shape: &Shape, dims: Vec<u64>) -> CheckResult<Vec<Shape>> {
         Ok(vec![Shape { element: shape.element, dims }])
     }
 }
@@ -253,20 +253,20 @@ pub(super) fn int_attribute(node: &Node<'_>, name: &str) -> Option<i64> {
     }
 }
 
-fn same(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn same(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     Ok(vec![call.tensor(0)?.clone()])
 }
 
-fn cast(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn cast(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let x = call.tensor(0)?;
     let to = call.int("to").ok_or_else(|| call.fault("does not say to what"))?;
-    match Element::of(to)? {
+    match DataType::of(to)? {
         element if element.is_float() => Ok(vec![Shape { element, dims: x.dims.clone() }]),
         _ => Err(call.fault("goes to an integer")),
     }
 }
 
-fn clip(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn clip(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let x = call.tensor(0)?;
     for i in 1..call.inputs.len() {
         if !call.absent(i) {
@@ -280,7 +280,7 @@ fn clip(call: &Call<'_>) -> Check<Vec<Shape>> {
 }
 
 /// Broadcasts the dimensions of two operands, aligned at the last.
-fn broadcast_dims(call: &Call<'_>, a: &[u64], b: &[u64]) -> Check<Vec<u64>> {
+fn broadcast_dims(call: &Call<'_>, a: &[u64], b: &[u64]) -> CheckResult<Vec<u64>> {
     let rank = a.len().max(b.len());
     let at = |dims: &[u64], i: usize| (i + dims.len()).checked_sub(rank).map_or(1, |k| dims[k]);
     let mut dims = Vec::with_capacity(rank);
@@ -295,23 +295,23 @@ fn broadcast_dims(call: &Call<'_>, a: &[u64], b: &[u64]) -> Check<Vec<u64>> {
     Ok(dims)
 }
 
-fn float_inputs<'a>(call: &Call<'a>) -> Check<(&'a Shape, &'a Shape)> {
+fn float_inputs<'a>(call: &Call<'a>) -> CheckResult<(&'a Shape, &'a Shape)> {
     let (a, b) = (call.tensor(0)?, call.tensor(1)?);
     if a.element == b.element { Ok((a, b)) } else { Err(call.fault(format!("joins {} and {}", a.element, b.element))) }
 }
 
-fn broadcast(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn broadcast(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let (a, b) = float_inputs(call)?;
     Call::one(a, broadcast_dims(call, &a.dims, &b.dims)?)
 }
 
-fn matmul(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn matmul(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let (a, b) = float_inputs(call)?;
     product(call, a, &a.dims, &b.dims)
 }
 
 /// Matrices of the dimensions `a` and `b` multiplied, with the element type of `like`.
-fn product(call: &Call<'_>, like: &Shape, a: &[u64], b: &[u64]) -> Check<Vec<Shape>> {
+fn product(call: &Call<'_>, like: &Shape, a: &[u64], b: &[u64]) -> CheckResult<Vec<Shape>> {
     let ([batch_a @ .., m, k], [batch_b @ .., k2, n]) = (a, b) else {
         return Err(call.fault("has an operand of fewer than two dimensions"));
     };
@@ -324,7 +324,7 @@ fn product(call: &Call<'_>, like: &Shape, a: &[u64], b: &[u64]) -> Check<Vec<Sha
 }
 
 /// `alpha * a b`, or `alpha * a b^T` where `transB` is 1.
-fn fused_matmul(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn fused_matmul(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     call.float("alpha", 1.0)?;
     let (a, b) = float_inputs(call)?;
     let mut turned = b.dims.clone();
@@ -338,7 +338,7 @@ fn fused_matmul(call: &Call<'_>) -> Check<Vec<Shape>> {
 
 /// `a b^T`. Columns of b `[N, K]` are stored in blocks along K, as integers `[N, K / block, block * bits / 8]` and scales `[N, K / block]`; the
 /// integer 2^(bits - 1) stands for 0.
-fn matmul_nbits(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn matmul_nbits(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let (a, scales) = (call.tensor(0)?, call.tensor(2)?);
     let one_of = |name: &str, default: i64, allowed: &[i64]| {
         let value = call.int(name).unwrap_or(default);
@@ -361,7 +361,7 @@ fn matmul_nbits(call: &Call<'_>) -> Check<Vec<Shape>> {
     }
     let numbers = call.inputs.get(1).copied().flatten().map(|operand| operand.shape);
     let expected = [columns, rows / block, block * bits / 8];
-    if numbers.is_none_or(|shape| shape.element != Element::U8 || shape.dims != expected) {
+    if numbers.is_none_or(|shape| shape.element != DataType::U8 || shape.dims != expected) {
         let found = numbers.map_or_else(String::new, |shape| format!("{} {:?}", shape.element, shape.dims));
         return Err(call.fault(format!("reads the integers {found}, its attributes ask for uint8 {expected:?}")));
     }
@@ -380,7 +380,7 @@ fn matmul_nbits(call: &Call<'_>) -> Check<Vec<Shape>> {
 }
 
 /// Normalises the last axis by its root mean square, and multiplies it by a gain.
-fn rms_norm(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn rms_norm(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let (x, gain) = float_inputs(call)?;
     call.float("epsilon", 1e-5)?;
     let axis = call.axis(call.int("axis").unwrap_or(-1), x.dims.len())?;
@@ -391,7 +391,7 @@ fn rms_norm(call: &Call<'_>) -> Check<Vec<Shape>> {
 }
 
 /// Rotates pairs j and P + j of heads `[batch, heads, tokens, 2 P]` by a table that starts at the first token: `[tokens, P]` each.
-fn rotary_embedding(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn rotary_embedding(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let x = call.tensor(0)?;
     if call.int("interleaved").unwrap_or(0) != 0 || call.constant_ints(1)? != [0] {
         return Err(call.fault("pairs neighbours, or does not start at position 0"));
@@ -409,7 +409,7 @@ fn rotary_embedding(call: &Call<'_>) -> Check<Vec<Shape>> {
     same(call)
 }
 
-fn concat(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn concat(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let first = call.tensor(0)?;
     let axis = call.axis(call.int("axis").ok_or_else(|| call.fault("has no axis"))?, first.dims.len())?;
     let mut dims = first.dims.clone();
@@ -425,7 +425,7 @@ fn concat(call: &Call<'_>) -> Check<Vec<Shape>> {
     Call::one(first, dims)
 }
 
-fn conv(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn conv(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let (x, w) = float_inputs(call)?;
     let (&[n, c, h, width], &[m, per_group, kh, kw]) = (x.dims.as_slice(), w.dims.as_slice()) else {
         return Err(call.fault("is not two-dimensional"));
@@ -458,7 +458,7 @@ fn conv(call: &Call<'_>) -> Check<Vec<Shape>> {
     Call::one(x, dims)
 }
 
-fn depth_to_space(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn depth_to_space(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let x = call.tensor(0)?;
     call.text("mode", "DCR", &["DCR", "CRD"])?;
     let block = call.int("blocksize").filter(|b| (1..=64).contains(b)).map_or(0, i64::unsigned_abs);
@@ -471,7 +471,7 @@ fn depth_to_space(call: &Call<'_>) -> Check<Vec<Shape>> {
     }
 }
 
-fn reduce_mean(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn reduce_mean(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let x = call.tensor(0)?;
     // Opset 18 moved the axes from an attribute to an input.
     let axes = match (call.opset >= 18, call.ints("axes"), call.absent(1)) {
@@ -491,7 +491,7 @@ fn reduce_mean(call: &Call<'_>) -> Check<Vec<Shape>> {
     Call::one(x, dims.map(|(&n, &gone)| if gone { 1 } else { n }).collect())
 }
 
-fn reshape(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn reshape(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let x = call.tensor(0)?;
     let target = call.constant_ints(1)?;
     let fault = || call.fault(format!("turns {:?} into {target:?}", x.dims));
@@ -521,7 +521,7 @@ fn reshape(call: &Call<'_>) -> Check<Vec<Shape>> {
     if known == count { Call::one(x, dims) } else { Err(fault()) }
 }
 
-fn resize(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn resize(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let x = call.tensor(0)?;
     call.text("mode", "nearest", &["nearest", "linear"])?;
     call.text(
@@ -533,7 +533,7 @@ fn resize(call: &Call<'_>) -> Check<Vec<Shape>> {
     if !call.absent(1) {
         return Err(call.fault("has a region of interest"));
     }
-    let scales = call.constant(2, Element::F32)?.as_chunks::<4>().0;
+    let scales = call.constant(2, DataType::F32)?.as_chunks::<4>().0;
     if scales.len() != x.dims.len() {
         return Err(call.fault("has scales for another rank"));
     }
@@ -550,7 +550,7 @@ fn resize(call: &Call<'_>) -> Check<Vec<Shape>> {
     Call::one(x, dims)
 }
 
-fn slice(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn slice(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let x = call.tensor(0)?;
     let (starts, ends) = (call.constant_ints(1)?, call.constant_ints(2)?);
     let axes = if call.absent(3) { (0..starts.len() as i64).collect() } else { call.constant_ints(3)? };
@@ -573,12 +573,12 @@ fn slice(call: &Call<'_>) -> Check<Vec<Shape>> {
     Call::one(x, dims)
 }
 
-fn softmax(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn softmax(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     call.axis(call.int("axis").unwrap_or(-1), call.tensor(0)?.dims.len())?;
     same(call)
 }
 
-fn split(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn split(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let x = call.tensor(0)?;
     let parts = call.node.outputs.len();
     let axis = call.axis(call.int("axis").unwrap_or(0), x.dims.len())?;
@@ -596,7 +596,7 @@ fn split(call: &Call<'_>) -> Check<Vec<Shape>> {
         vec![total / parts as u64; parts]
     } else {
         let sizes = call.constant_ints(1)?;
-        sizes.iter().map(|&n| u64::try_from(n).map_err(|_| fault())).collect::<Check<Vec<_>>>()?
+        sizes.iter().map(|&n| u64::try_from(n).map_err(|_| fault())).collect::<CheckResult<Vec<_>>>()?
     };
     if sizes.iter().try_fold(0_u64, |sum, &n| sum.checked_add(n)) != Some(total) {
         return Err(fault());
@@ -609,7 +609,7 @@ fn split(call: &Call<'_>) -> Check<Vec<Shape>> {
     Ok(sizes.into_iter().map(cut).collect())
 }
 
-fn transpose(call: &Call<'_>) -> Check<Vec<Shape>> {
+fn transpose(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let x = call.tensor(0)?;
     let rank = x.dims.len();
     let reversed: Vec<i64> = (0..rank as i64).rev().collect();

@@ -2,12 +2,12 @@
 
 use std::collections::HashMap;
 
-use super::check::read_nodes;
+use super::check::visit_nodes;
 use super::operators::NBITS;
 use super::proto;
 use super::residual::ResidualStream;
 use super::writer::{with_graph, write_bytes, write_int};
-use super::{Check, Element, ModelContext};
+use super::{CheckResult, DataType, ModelContext};
 use crate::Result;
 use crate::bundle::{Bundle, GraphKind, Precision};
 
@@ -49,22 +49,22 @@ impl Bundle {
         let [wide, half] = Precision::ALL.map(|precision| Ok(self.model(GraphKind::Transformer, precision)?.onnx));
         let (wide, half): (&[u8], &[u8]) = (wide?, half?);
         let found =
-            half_values(half, context(Precision::F16)).map_err(|fault| context(Precision::F16).refuse(fault))?;
+            half_values(half, context(Precision::F16)).map_err(|fault| context(Precision::F16).to_error(fault))?;
         let written = with_peaks(wide, context(Precision::F32), found);
-        written.map_err(|fault| context(Precision::F32).refuse(fault))
+        written.map_err(|fault| context(Precision::F32).to_error(fault))
     }
 }
 
 /// Values that a pass makes and holds in float16, with their dimensions: sums, products, and the inputs of a `Cast` to float16. Attention's
 /// scores and shares are left out. They have bounds, because queries and keys are normalised, and are by far the largest values.
-fn half_values(onnx: &[u8], context: ModelContext<'_>) -> Check<Vec<(HalfValue, Vec<u64>)>> {
+fn half_values(onnx: &[u8], context: ModelContext<'_>) -> CheckResult<Vec<(HalfValue, Vec<u64>)>> {
     let model = proto::model(onnx)?;
     let mut stream = ResidualStream::new(&context.manifest.geometry);
     let mut made: Vec<(&str, Vec<u64>)> = Vec::new();
-    read_nodes(&model, context, &mut |node, inputs, outputs| {
+    visit_nodes(&model, context, &mut |node, inputs, outputs| {
         stream.read(node, inputs, outputs);
         let (Some(output), Some(shape)) = (node.outputs.first(), outputs.first()) else { return };
-        if shape.element != Element::F16 {
+        if shape.element != DataType::F16 {
             return;
         }
         let is_flat = shape.dims.len() <= 3;
@@ -83,11 +83,15 @@ fn half_values(onnx: &[u8], context: ModelContext<'_>) -> Check<Vec<(HalfValue, 
 }
 
 /// The model with the magnitudes of those `values` that it makes in float32 with the same dimensions.
-fn with_peaks(onnx: &[u8], context: ModelContext<'_>, values: Vec<(HalfValue, Vec<u64>)>) -> Check<ModelWithPeaks> {
+fn with_peaks(
+    onnx: &[u8],
+    context: ModelContext<'_>,
+    values: Vec<(HalfValue, Vec<u64>)>,
+) -> CheckResult<ModelWithPeaks> {
     let model = proto::model(onnx)?;
     let mut made: HashMap<&str, Vec<u64>> = HashMap::new();
-    read_nodes(&model, context, &mut |node, _, outputs| {
-        let named = node.outputs.iter().zip(outputs).filter(|(_, shape)| shape.element == Element::F32);
+    visit_nodes(&model, context, &mut |node, _, outputs| {
+        let named = node.outputs.iter().zip(outputs).filter(|(_, shape)| shape.element == DataType::F32);
         made.extend(named.map(|(name, shape)| (*name, shape.dims.clone())));
     })?;
     let mut kept: Vec<HalfValue> = Vec::new();
@@ -132,7 +136,7 @@ fn node(operator: &str, input: &str, output: &str, attributes: &[(&str, u64)]) -
 /// `ValueInfoProto` of a float32 tensor without dimensions.
 fn scalar_output(name: &str) -> Vec<u8> {
     let (mut tensor, mut kind, mut value) = (Vec::new(), Vec::new(), Vec::new());
-    write_int(&mut tensor, 1, Element::F32 as u64);
+    write_int(&mut tensor, 1, DataType::F32 as u64);
     write_bytes(&mut tensor, 2, &[]);
     write_bytes(&mut kind, 1, &tensor);
     write_bytes(&mut value, 1, name.as_bytes());

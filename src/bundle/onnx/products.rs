@@ -2,11 +2,11 @@
 
 use half::f16;
 
-use super::model_writer::{ValueType, attribute, node, tensor};
+use super::model_writer::{attribute, node, tensor};
 use super::proto::{self, Attribute, Graph, Node};
 use super::wire::Fields;
 use super::writer::{reserved, with_graph, write_bytes};
-use super::{Check, Element, Fault, quoted};
+use super::{CheckResult, DataType, Fault, quoted};
 use crate::Result;
 
 /// Prefix of the names of additional values and constants. `cairn.build` makes no name that begins so.
@@ -22,7 +22,7 @@ pub(crate) fn without_fused_products(onnx: &[u8]) -> Result<Option<Vec<u8>>> {
     rewrite(onnx).map_err(Fault::error)
 }
 
-fn rewrite(onnx: &[u8]) -> Check<Option<Vec<u8>>> {
+fn rewrite(onnx: &[u8]) -> CheckResult<Option<Vec<u8>>> {
     let graph = proto::model(onnx)?.graph;
     if !graph.nodes.iter().any(|node| node.operator == FUSED) {
         return Ok(None);
@@ -34,7 +34,7 @@ fn rewrite(onnx: &[u8]) -> Check<Option<Vec<u8>>> {
 }
 
 /// Writes the graph into `written`.
-fn rewrite_graph(graph: &Graph<'_>, mut fields: Fields<'_>, mut written: Vec<u8>) -> Check<Vec<u8>> {
+fn rewrite_graph(graph: &Graph<'_>, mut fields: Fields<'_>, mut written: Vec<u8>) -> CheckResult<Vec<u8>> {
     let element = key_element(graph)?;
     let mut nodes = graph.nodes.iter().enumerate();
     while let Some(field) = fields.next()? {
@@ -47,13 +47,13 @@ fn rewrite_graph(graph: &Graph<'_>, mut fields: Fields<'_>, mut written: Vec<u8>
 }
 
 /// The type of both inputs: queries and keys are multiplied in the type that keys are stored in.
-fn key_element(graph: &Graph<'_>) -> Check<Element> {
+fn key_element(graph: &Graph<'_>) -> CheckResult<DataType> {
     let past = graph.inputs.iter().find(|input| input.name.starts_with("past."));
     let past = past.ok_or_else(|| Fault::new(format!("{FUSED} is used, and no input holds keys")))?;
-    Element::of(past.data_type)
+    DataType::of(past.data_type)
 }
 
-fn write_product(graph: &mut Vec<u8>, i: usize, fused: &Node<'_>, element: Element) -> Check<()> {
+fn write_product(graph: &mut Vec<u8>, i: usize, fused: &Node<'_>, element: DataType) -> CheckResult<()> {
     let (mut alpha, mut is_transposed) = (1.0, false);
     for (name, value) in &fused.attributes {
         match (*name, value) {
@@ -69,8 +69,8 @@ fn write_product(graph: &mut Vec<u8>, i: usize, fused: &Node<'_>, element: Eleme
             true => left,
             false => {
                 let (element, bytes) = match element {
-                    Element::F16 => (ValueType::F16, f16::from_f32(alpha).to_le_bytes().to_vec()),
-                    _ => (ValueType::F32, alpha.to_le_bytes().to_vec()),
+                    DataType::F16 => (DataType::F16, f16::from_f32(alpha).to_le_bytes().to_vec()),
+                    _ => (DataType::F32, alpha.to_le_bytes().to_vec()),
                 };
                 write_bytes(graph, 5, &tensor(&constant, element, &[1], &bytes));
                 write_bytes(graph, 1, &node("Mul", &scaled, &[left, &constant], &[&scaled], &[]));

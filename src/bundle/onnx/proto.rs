@@ -3,7 +3,7 @@
 //! Unknown fields are refused, so the runtime gets nothing that was not checked here.
 
 use super::wire::{Field, Fields};
-use super::{Check, Fault, quoted};
+use super::{CheckResult, Fault, quoted};
 
 /// The longest name of a value, node, graph or dimension, in bytes.
 const MAX_TEXT: usize = 512;
@@ -90,7 +90,7 @@ pub(super) enum Dim<'a> {
 }
 
 /// Appends to a list of at most `most` entries.
-fn push<T>(field: &Field<'_>, list: &mut Vec<T>, most: usize, value: T) -> Check<()> {
+fn push<T>(field: &Field<'_>, list: &mut Vec<T>, most: usize, value: T) -> CheckResult<()> {
     if list.len() >= most {
         return Err(field.fault(format!("comes more than {most} times")));
     }
@@ -99,7 +99,7 @@ fn push<T>(field: &Field<'_>, list: &mut Vec<T>, most: usize, value: T) -> Check
     Ok(())
 }
 
-pub(super) fn model(bytes: &[u8]) -> Check<Model<'_>> {
+pub(super) fn model(bytes: &[u8]) -> CheckResult<Model<'_>> {
     let (mut ir_version, mut graph_found, mut opsets) = (None, None, Vec::new());
     let (mut version, mut texts) = (None, [None; 7]);
     let mut fields = Fields::new("the model", bytes);
@@ -124,7 +124,7 @@ pub(super) fn model(bytes: &[u8]) -> Check<Model<'_>> {
     })
 }
 
-fn opset<'a>(mut fields: Fields<'a>) -> Check<(&'a str, i64)> {
+fn opset<'a>(mut fields: Fields<'a>) -> CheckResult<(&'a str, i64)> {
     let (mut domain, mut version) = (None, None);
     while let Some(f) = fields.next()? {
         match f.number {
@@ -136,7 +136,7 @@ fn opset<'a>(mut fields: Fields<'a>) -> Check<(&'a str, i64)> {
     Ok((domain.unwrap_or(""), version.unwrap_or(0)))
 }
 
-fn graph<'a>(mut fields: Fields<'a>) -> Check<Graph<'a>> {
+fn graph<'a>(mut fields: Fields<'a>) -> CheckResult<Graph<'a>> {
     let mut graph = Graph::default();
     let (mut name, mut doc) = (None, None);
     while let Some(f) = fields.next()? {
@@ -155,7 +155,7 @@ fn graph<'a>(mut fields: Fields<'a>) -> Check<Graph<'a>> {
     Ok(graph)
 }
 
-fn node<'a>(mut fields: Fields<'a>) -> Check<Node<'a>> {
+fn node<'a>(mut fields: Fields<'a>) -> CheckResult<Node<'a>> {
     let mut node = Node::default();
     let (mut name, mut operator, mut doc, mut domain) = (None, None, None, None);
     while let Some(f) = fields.next()? {
@@ -182,7 +182,7 @@ fn node<'a>(mut fields: Fields<'a>) -> Check<Node<'a>> {
     }
 }
 
-fn attribute<'a>(mut fields: Fields<'a>) -> Check<(&'a str, Attribute<'a>)> {
+fn attribute<'a>(mut fields: Fields<'a>) -> CheckResult<(&'a str, Attribute<'a>)> {
     let (mut name, mut kind, mut float, mut int, mut text, mut doc) = (None, None, None, None, None, None);
     let mut ints = Vec::new();
     while let Some(f) = fields.next()? {
@@ -214,7 +214,7 @@ fn attribute<'a>(mut fields: Fields<'a>) -> Check<(&'a str, Attribute<'a>)> {
     if alone(own) { Ok((name, value)) } else { Err(fault()) }
 }
 
-fn tensor<'a>(mut fields: Fields<'a>) -> Check<Tensor<'a>> {
+fn tensor<'a>(mut fields: Fields<'a>) -> CheckResult<Tensor<'a>> {
     let (mut name, mut data_type, mut raw, mut storage, mut doc) = (None, None, None, None, None);
     let (mut dims, mut external) = (Vec::new(), Vec::new());
     while let Some(f) = fields.next()? {
@@ -240,7 +240,7 @@ fn tensor<'a>(mut fields: Fields<'a>) -> Check<Tensor<'a>> {
     Ok(Tensor { name, dims, data_type, data })
 }
 
-fn external_data<'a>(tensor: &str, entries: &[(&'a str, &'a str)]) -> Check<Data<'a>> {
+fn external_data<'a>(tensor: &str, entries: &[(&'a str, &'a str)]) -> CheckResult<Data<'a>> {
     let fault = |cause: &str| Fault::new(format!("initializer {}: its external data {cause}", quoted(tensor)));
     let (mut location, mut offset, mut length) = (None, None, None);
     for &(key, value) in entries {
@@ -266,7 +266,7 @@ fn external_data<'a>(tensor: &str, entries: &[(&'a str, &'a str)]) -> Check<Data
     })
 }
 
-fn entry<'a>(mut fields: Fields<'a>) -> Check<(&'a str, &'a str)> {
+fn entry<'a>(mut fields: Fields<'a>) -> CheckResult<(&'a str, &'a str)> {
     let (mut key, mut value) = (None, None);
     while let Some(f) = fields.next()? {
         match f.number {
@@ -278,7 +278,7 @@ fn entry<'a>(mut fields: Fields<'a>) -> Check<(&'a str, &'a str)> {
     Ok((key.unwrap_or(""), value.unwrap_or("")))
 }
 
-fn value_info<'a>(mut fields: Fields<'a>) -> Check<ValueInfo<'a>> {
+fn value_info<'a>(mut fields: Fields<'a>) -> CheckResult<ValueInfo<'a>> {
     let (mut name, mut kind, mut doc) = (None, None, None);
     while let Some(f) = fields.next()? {
         match f.number {
@@ -293,7 +293,7 @@ fn value_info<'a>(mut fields: Fields<'a>) -> Check<ValueInfo<'a>> {
     Ok(ValueInfo { name, data_type, dims })
 }
 
-fn type_proto<'a>(mut fields: Fields<'a>) -> Check<(i64, Vec<Dim<'a>>)> {
+fn type_proto<'a>(mut fields: Fields<'a>) -> CheckResult<(i64, Vec<Dim<'a>>)> {
     let mut tensor = None;
     while let Some(f) = fields.next()? {
         match f.number {
@@ -304,7 +304,7 @@ fn type_proto<'a>(mut fields: Fields<'a>) -> Check<(i64, Vec<Dim<'a>>)> {
     tensor.ok_or_else(|| Fault::new("a type is not a tensor's"))
 }
 
-fn tensor_type<'a>(mut fields: Fields<'a>) -> Check<(i64, Vec<Dim<'a>>)> {
+fn tensor_type<'a>(mut fields: Fields<'a>) -> CheckResult<(i64, Vec<Dim<'a>>)> {
     let (mut element, mut shape) = (None, None);
     while let Some(f) = fields.next()? {
         match f.number {
@@ -319,7 +319,7 @@ fn tensor_type<'a>(mut fields: Fields<'a>) -> Check<(i64, Vec<Dim<'a>>)> {
     }
 }
 
-fn dims<'a>(mut fields: Fields<'a>) -> Check<Vec<Dim<'a>>> {
+fn dims<'a>(mut fields: Fields<'a>) -> CheckResult<Vec<Dim<'a>>> {
     let mut list = Vec::new();
     while let Some(f) = fields.next()? {
         match f.number {
@@ -330,7 +330,7 @@ fn dims<'a>(mut fields: Fields<'a>) -> Check<Vec<Dim<'a>>> {
     Ok(list)
 }
 
-fn dim<'a>(mut fields: Fields<'a>) -> Check<Dim<'a>> {
+fn dim<'a>(mut fields: Fields<'a>) -> CheckResult<Dim<'a>> {
     let (mut dim, mut meaning) = (None, None);
     while let Some(f) = fields.next()? {
         match f.number {

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use super::operators::NBITS;
 use super::proto::Node;
-use super::{Check, Element, Fault, Shape, quoted};
+use super::{CheckResult, DataType, Fault, Shape, quoted};
 use crate::bundle::{Geometry, Residual};
 
 /// Finds the sums of the residual stream while the nodes of a transformer are read in order.
@@ -14,7 +14,7 @@ use crate::bundle::{Geometry, Residual};
 pub(super) struct ResidualStream<'a> {
     dims: [u64; 3],
     values: HashSet<&'a str>,
-    sums: Vec<(&'a str, Element)>,
+    sums: Vec<(&'a str, DataType)>,
 }
 
 impl<'a> ResidualStream<'a> {
@@ -52,10 +52,10 @@ impl<'a> ResidualStream<'a> {
     }
 
     /// Checks the sums of a float16 transformer: all are float16, or all are float32 if the manifest says so, two for each layer at least.
-    pub(super) fn check(&self, stated: Option<Residual>, layers: u32) -> Check<()> {
+    pub(super) fn check(&self, stated: Option<Residual>, layers: u32) -> CheckResult<()> {
         let (wanted, statement) = match stated {
-            None => (Element::F16, "states no `residual`"),
-            Some(Residual::Float32) => (Element::F32, "states the `residual` float32"),
+            None => (DataType::F16, "states no `residual`"),
+            Some(Residual::Float32) => (DataType::F32, "states the `residual` float32"),
         };
         if let Some((name, element)) = self.sums.iter().find(|(_, element)| *element != wanted) {
             let cause =

@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use super::blocks::Unpacked;
 use super::operators::{Call, NBITS, Operand, infer};
 use super::proto::{Data, Dim, Graph, Node, Tensor};
-use super::{Check, Element, Fault, Shape, quoted};
+use super::{CheckResult, DataType, Fault, Shape, quoted};
 use crate::bundle::cost::GraphCost;
 
 /// The largest intermediate value, in bytes of float32: `docs/bundle.md` section 4.
@@ -63,7 +63,7 @@ struct SizeInference<'a> {
 pub(super) type Named<'a> = [(&'a str, Shape)];
 
 /// Gets each node that runs, in order, with the shapes of its inputs, `None` for a constant, and of its outputs.
-pub(super) type Reader<'r, 'a> = &'r mut dyn FnMut(&'a Node<'a>, &[Option<&Shape>], &[Shape]);
+pub(super) type NodeVisitor<'r, 'a> = &'r mut dyn FnMut(&'a Node<'a>, &[Option<&Shape>], &[Shape]);
 
 /// Infers all sizes of `graph` from the shapes of `inputs`, and checks that its outputs have the shapes of `outputs`.
 pub(super) fn infer_sizes<'a>(
@@ -71,8 +71,8 @@ pub(super) fn infer_sizes<'a>(
     opset: i64,
     inputs: &Named<'_>,
     outputs: &Named<'_>,
-    reader: Reader<'_, 'a>,
-) -> Check<Footprint> {
+    visitor: NodeVisitor<'_, 'a>,
+) -> CheckResult<Footprint> {
     let mut inference = SizeInference { values: Vec::new(), names: HashMap::new(), footprint: Footprint::default() };
     // The names were compared before.
     for (value, (_, shape)) in graph.inputs.iter().zip(inputs) {
@@ -82,10 +82,10 @@ pub(super) fn infer_sizes<'a>(
         inference.constant(tensor).map_err(|fault| within("initializer", tensor.name, fault))?;
     }
     for (i, node) in graph.nodes.iter().enumerate() {
-        inference.node(i, node, opset, reader).map_err(|fault| within("node", node.name, fault))?;
+        inference.node(i, node, opset, visitor).map_err(|fault| within("node", node.name, fault))?;
     }
     inference.check_declared(graph)?;
-    let made = outputs.iter().map(|(name, shape)| inference.output(name, shape)).collect::<Check<Vec<_>>>()?;
+    let made = outputs.iter().map(|(name, shape)| inference.output(name, shape)).collect::<CheckResult<Vec<_>>>()?;
     inference.footprint.peak = inference.peak(graph.nodes.len(), &made);
     Ok(inference.footprint)
 }
@@ -95,7 +95,7 @@ fn within(what: &str, name: &str, fault: Fault) -> Fault {
 }
 
 /// Size of a value in bytes, within the limit.
-fn bytes(shape: &Shape) -> Check<u64> {
+fn bytes(shape: &Shape) -> CheckResult<u64> {
     let count = shape.count().filter(|&count| count > 0 && count <= MAX_VALUE / 4);
     let fault =
         || Fault::new(format!("a value of {:?} elements is empty or passes {} MiB", shape.dims, MAX_VALUE >> 20));
@@ -103,7 +103,7 @@ fn bytes(shape: &Shape) -> Check<u64> {
 }
 
 impl<'a> SizeInference<'a> {
-    fn add(&mut self, name: &'a str, shape: Shape, data: Option<&'a [u8]>, origin: Origin) -> Check<usize> {
+    fn add(&mut self, name: &'a str, shape: Shape, data: Option<&'a [u8]>, origin: Origin) -> CheckResult<usize> {
         let index = self.values.len();
         if index >= MAX_VALUES {
             return Err(Fault::new(format!("the graph has more than {MAX_VALUES} values")));
@@ -117,7 +117,7 @@ impl<'a> SizeInference<'a> {
         Ok(index)
     }
 
-    fn constant(&mut self, tensor: &'a Tensor<'a>) -> Check<()> {
+    fn constant(&mut self, tensor: &'a Tensor<'a>) -> CheckResult<()> {
         let shape = tensor_shape(tensor)?;
         let data = match tensor.data {
             Data::Inline(bytes) => Some(bytes),
@@ -126,7 +126,7 @@ impl<'a> SizeInference<'a> {
         self.add(tensor.name, shape, data, Origin::Constant { held: false }).map(drop)
     }
 
-    fn node(&mut self, i: usize, node: &'a Node<'a>, opset: i64, reader: Reader<'_, 'a>) -> Check<()> {
+    fn node(&mut self, i: usize, node: &'a Node<'a>, opset: i64, visitor: NodeVisitor<'_, 'a>) -> CheckResult<()> {
         let mut inputs = Vec::with_capacity(node.inputs.len());
         for &name in &node.inputs {
             inputs.push(if name.is_empty() { None } else { Some(self.find(name)?) });
@@ -146,7 +146,7 @@ impl<'a> SizeInference<'a> {
             self.add_cost(node, &read, &shapes)?;
             let is_made = |v: &usize| !matches!(self.values[*v].origin, Origin::Constant { .. });
             let made = read.iter().map(|v| Some(&self.values[*v].shape).filter(|_| is_made(v)));
-            reader(node, &made.collect::<Vec<_>>(), &shapes);
+            visitor(node, &made.collect::<Vec<_>>(), &shapes);
             if node.operator == NBITS
                 && let Some(product) = shapes.first()
             {
@@ -168,7 +168,7 @@ impl<'a> SizeInference<'a> {
     }
 
     /// Adds the cost of a node that runs, reads the values `read` and writes values of `shapes`.
-    fn add_cost(&mut self, node: &Node<'_>, read: &[usize], shapes: &[Shape]) -> Check<()> {
+    fn add_cost(&mut self, node: &Node<'_>, read: &[usize], shapes: &[Shape]) -> CheckResult<()> {
         let dims = |n: usize| read.get(n).map_or(&[][..], |&v| &self.values[v].shape.dims);
         // Multiplications for one element of the output.
         let terms = match node.operator {
@@ -193,7 +193,7 @@ impl<'a> SizeInference<'a> {
     }
 
     /// Records that node `i`, which runs, reads value `v`.
-    fn read(&mut self, v: usize, i: usize) -> Check<()> {
+    fn read(&mut self, v: usize, i: usize) -> CheckResult<()> {
         let owner = self.values[v].owner;
         self.values[owner].last_use = i;
         if self.values[v].origin == (Origin::Constant { held: false }) {
@@ -204,11 +204,11 @@ impl<'a> SizeInference<'a> {
         Ok(())
     }
 
-    fn find(&self, name: &str) -> Check<usize> {
+    fn find(&self, name: &str) -> CheckResult<usize> {
         self.names.get(name).copied().ok_or_else(|| Fault::new(format!("{} is read before it is made", quoted(name))))
     }
 
-    fn output(&self, name: &str, expected: &Shape) -> Check<usize> {
+    fn output(&self, name: &str, expected: &Shape) -> CheckResult<usize> {
         let value = self.find(name)?;
         let Value { shape, origin, .. } = &self.values[value];
         if !matches!(origin, Origin::Node(_)) {
@@ -229,10 +229,10 @@ impl<'a> SizeInference<'a> {
     }
 
     /// Checks the types that the model declares for intermediate values.
-    fn check_declared(&self, graph: &Graph<'_>) -> Check<()> {
+    fn check_declared(&self, graph: &Graph<'_>) -> CheckResult<()> {
         for info in &graph.value_info {
             let value = &self.values[self.find(info.name)?];
-            let fits = Element::of(info.data_type)? == value.shape.element
+            let fits = DataType::of(info.data_type)? == value.shape.element
                 && info.dims.len() == value.shape.dims.len()
                 && info.dims.iter().zip(&value.shape.dims).all(|(dim, &n)| match dim {
                     Dim::Number(stated) => u64::try_from(*stated) == Ok(n),
@@ -273,10 +273,10 @@ impl<'a> SizeInference<'a> {
 }
 
 /// Type and size of an initializer.
-pub(super) fn tensor_shape(tensor: &Tensor<'_>) -> Check<Shape> {
+pub(super) fn tensor_shape(tensor: &Tensor<'_>) -> CheckResult<Shape> {
     let dims = tensor.dims.iter().map(|&n| u64::try_from(n)).collect::<Result<_, _>>();
     let shape = Shape {
-        element: Element::of(tensor.data_type)?,
+        element: DataType::of(tensor.data_type)?,
         dims: dims.map_err(|_| Fault::new(format!("it has the dimensions {:?}", tensor.dims)))?,
     };
     bytes(&shape)?;

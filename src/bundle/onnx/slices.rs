@@ -1,7 +1,7 @@
 //! Splits a transformer into slices: models of consecutive layers that compute together, to the bit, what the whole model computes.
 //!
 //! A slice is a range of the transformer's nodes that run. Constants, and nodes that read only constants, go into each slice that uses them.
-//! A value that one slice makes and a later one reads is handed over: it becomes an output of the first and an input of the second.
+//! A value that one slice makes and a later one reads is an intermediate tensor: an output of the first and an input of the second.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -12,7 +12,7 @@ use super::proto::{self, Graph};
 use super::shape_inference::{Footprint, Named, infer_sizes};
 use super::wire::{Field, Fields};
 use super::writer::{write_bytes, write_int};
-use super::{Check, Element, Fault, ModelContext, Shape, quoted};
+use super::{CheckResult, DataType, Fault, ModelContext, Shape, quoted};
 use crate::bundle::cost::GraphCost;
 use crate::bundle::{Bundle, GraphKind, Manifest, Precision};
 use crate::{Error, ErrorKind, Result};
@@ -80,10 +80,10 @@ enum Origin {
 pub(crate) struct Slices {
     /// In the order in which they run.
     pub(crate) models: Vec<SliceModel>,
-    /// The values that slices hand over.
-    pub(crate) handed: Vec<HandedValue>,
-    /// Sizes in bytes of the memories that these values share.
-    pub(crate) memories: Vec<usize>,
+    /// Values that one slice makes and later ones read.
+    pub(crate) intermediates: Vec<IntermediateTensor>,
+    /// Sizes in bytes of the buffers that these tensors share.
+    pub(crate) buffer_sizes: Vec<usize>,
 }
 
 /// One slice.
@@ -102,19 +102,19 @@ pub(crate) enum SliceTensor {
     Input(usize),
     /// The whole model's output at this position.
     Output(usize),
-    /// The value at this position of [`Slices::handed`].
-    Handed(usize),
+    /// The value at this position of [`Slices::intermediates`].
+    Intermediate(usize),
 }
 
 /// A value that one slice makes and later ones read.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct HandedValue {
+pub(crate) struct IntermediateTensor {
     pub(crate) name: String,
     pub(crate) precision: Precision,
     pub(crate) shape: Vec<usize>,
-    /// The memory that holds it, a position in [`Slices::memories`]. Other values use it before this one is made and after the last slice
+    /// The buffer that holds it, a position in [`Slices::buffer_sizes`]. Other values use it before this one is made and after the last slice
     /// that reads this one.
-    pub(crate) memory: usize,
+    pub(crate) buffer: usize,
     /// The slice that makes it, and the last one that reads it.
     slices: (usize, usize),
 }
@@ -151,10 +151,10 @@ pub fn slice_transformer(
 impl<'a> Splitting<'a> {
     fn of(onnx: &'a [u8], manifest: &'a Manifest, precision: Precision, g: u32) -> Result<Self> {
         let context = ModelContext { manifest, kind: GraphKind::Transformer, precision };
-        Self::find(onnx, context, g).map_err(|fault| context.refuse(fault))
+        Self::find(onnx, context, g).map_err(|fault| context.to_error(fault))
     }
 
-    fn find(onnx: &'a [u8], context: ModelContext<'a>, window: u32) -> Check<Self> {
+    fn find(onnx: &'a [u8], context: ModelContext<'a>, window: u32) -> CheckResult<Self> {
         let model = parse(onnx)?;
         let Interface { inputs, outputs } = Interface::of(context.kind, context.precision, context.manifest);
         let interface = Interface { inputs, outputs };
@@ -202,20 +202,20 @@ impl<'a> Splitting<'a> {
     /// The transformer in `slices` slices of about the same work.
     ///
     /// # Errors
-    /// `InvalidArgument` for a number of slices that the transformer cannot have; `InvalidBundle` if a value that slices would hand over is
+    /// `InvalidArgument` for a number of slices that the transformer cannot have; `InvalidBundle` if a value between slices is
     /// no floating-point tensor.
     pub(crate) fn split(&self, slices: u32) -> Result<Slices> {
-        let mut split = Slices { models: Vec::new(), handed: Vec::new(), memories: Vec::new() };
-        let mut handed = HashMap::new();
+        let mut split = Slices { models: Vec::new(), intermediates: Vec::new(), buffer_sizes: Vec::new() };
+        let mut positions = HashMap::new();
         let mut write = |slice, parts: Range<usize>| {
-            let model = self.write(slice, self.nodes(&parts), &mut handed, &mut split.handed)?;
+            let model = self.write(slice, self.nodes(&parts), &mut positions, &mut split.intermediates)?;
             split.models.push(model);
             Ok(())
         };
         for (slice, parts) in self.groups(slices)?.into_iter().enumerate() {
-            write(slice, parts).map_err(|fault: Fault| self.context.refuse(fault))?;
+            write(slice, parts).map_err(|fault: Fault| self.context.to_error(fault))?;
         }
-        split.assign_memories();
+        split.assign_buffers();
         Ok(split)
     }
 
@@ -236,7 +236,7 @@ impl<'a> Splitting<'a> {
     }
 
     /// Fills `values`, `names` and `runs`. `shapes` has the shapes of the outputs of each node that runs.
-    fn add_values(&mut self, shapes: Vec<Vec<Shape>>) -> Check<()> {
+    fn add_values(&mut self, shapes: Vec<Vec<Shape>>) -> CheckResult<()> {
         let mut shapes = shapes.into_iter();
         for (i, (value, port)) in self.graph.inputs.iter().zip(&self.inputs).enumerate() {
             let shape = Some(port.shape(self.context.manifest, self.window));
@@ -273,8 +273,8 @@ impl<'a> Splitting<'a> {
     }
 
     /// Finds where parts start. Between two layers, all nodes that read keys or values of the ring, or make those of the current latent, belong
-    /// to one side; of the places where that is so, the one at which the fewest bytes are handed over is taken, the last of several.
-    fn starts(&self) -> Check<Vec<usize>> {
+    /// to one side; of the places where that is so, the one with the fewest bytes of intermediate tensors is taken, the last of several.
+    fn starts(&self) -> CheckResult<Vec<usize>> {
         let (nodes, layers) = (self.graph.nodes.len(), self.context.manifest.geometry.layers as usize);
         let mut touched: Vec<Option<(usize, usize)>> = vec![None; layers];
         for (i, node) in self.graph.nodes.iter().enumerate().filter(|(i, _)| self.runs[*i]) {
@@ -289,7 +289,7 @@ impl<'a> Splitting<'a> {
             }
         }
 
-        let handed = self.handed_bytes();
+        let positions = self.bytes_between();
         // The first node of all later layers, for each layer.
         let mut first = vec![nodes; layers];
         for layer in (0..layers.saturating_sub(1)).rev() {
@@ -300,7 +300,7 @@ impl<'a> Splitting<'a> {
             last = last.max(touched[layer].map(|(_, last)| last));
             let (earliest, latest) = (last.map_or(0, |last| last + 1), first[layer]);
             let places = (earliest..=latest).filter(|&at| starts.last().is_some_and(|&start| start < at) && at < nodes);
-            starts.extend(places.min_by_key(|&at| (handed[at], std::cmp::Reverse(at))));
+            starts.extend(places.min_by_key(|&at| (positions[at], std::cmp::Reverse(at))));
         }
         Ok(starts)
     }
@@ -323,7 +323,7 @@ impl<'a> Splitting<'a> {
     }
 
     /// For each node, the bytes of values that are made before it and read by it or a later one.
-    fn handed_bytes(&self) -> Vec<u64> {
+    fn bytes_between(&self) -> Vec<u64> {
         let nodes = self.graph.nodes.len();
         let (mut begin, mut end) = (vec![0_u64; nodes + 1], vec![0_u64; nodes + 1]);
         for value in &self.values {
@@ -344,25 +344,25 @@ impl<'a> Splitting<'a> {
     }
 
     /// Estimated work of each part.
-    fn part_work(&self) -> Check<Vec<u64>> {
-        let (mut handed, mut list) = (HashMap::new(), Vec::new());
+    fn part_work(&self) -> CheckResult<Vec<u64>> {
+        let (mut positions, mut list) = (HashMap::new(), Vec::new());
         let mut work = |part: usize| {
-            let model = self.write(part, self.nodes(&(part..part + 1)), &mut handed, &mut list)?;
+            let model = self.write(part, self.nodes(&(part..part + 1)), &mut positions, &mut list)?;
             let GraphCost { multiply_adds, bytes } = model.footprint.cost;
             Ok(multiply_adds.saturating_add(bytes.saturating_mul(MULTIPLY_ADDS_PER_BYTE)).max(1))
         };
         (0..self.starts.len()).map(&mut work).collect()
     }
 
-    /// Writes the model of a slice and infers its sizes. `handed` has the values that slices hand over, by their position in `values`, and `list`
+    /// Writes the model of a slice and infers its sizes. `positions` has the values that slices hand over, by their position in `values`, and `list`
     /// their description.
     fn write(
         &self,
         slice: usize,
         nodes: Range<usize>,
-        handed: &mut HashMap<usize, usize>,
-        list: &mut Vec<HandedValue>,
-    ) -> Check<SliceModel> {
+        positions: &mut HashMap<usize, usize>,
+        list: &mut Vec<IntermediateTensor>,
+    ) -> CheckResult<SliceModel> {
         let (mut kept_nodes, mut kept_tensors) =
             (vec![false; self.graph.nodes.len()], vec![false; self.graph.tensors.len()]);
         let (mut inputs, mut outputs, mut pending) = (Vec::new(), Vec::new(), Vec::new());
@@ -374,8 +374,8 @@ impl<'a> Splitting<'a> {
                 match self.values[value] {
                     Value { output: Some(at), .. } => outputs.push((SliceTensor::Output(at), value)),
                     Value { last_use, .. } if last_use >= nodes.end => {
-                        let at = self.hand_over(slice, value, handed, list)?;
-                        outputs.push((SliceTensor::Handed(at), value));
+                        let at = self.add_intermediate(slice, value, positions, list)?;
+                        outputs.push((SliceTensor::Intermediate(at), value));
                     }
                     _ => {}
                 }
@@ -400,10 +400,10 @@ impl<'a> Splitting<'a> {
                     Value { origin: Origin::Input(at), .. } => Some(SliceTensor::Input(at)),
                     Value { output: Some(at), .. } => Some(SliceTensor::Output(at)),
                     _ => {
-                        let at = handed.get(&value).copied();
-                        let at = at.ok_or_else(|| Fault::new(format!("{} is not handed over", quoted(name))))?;
+                        let at = positions.get(&value).copied();
+                        let at = at.ok_or_else(|| Fault::new(format!("{} no earlier slice makes", quoted(name))))?;
                         list[at].slices.1 = slice;
-                        Some(SliceTensor::Handed(at))
+                        Some(SliceTensor::Intermediate(at))
                     }
                 };
                 if let Some(tensor) = input
@@ -429,7 +429,7 @@ impl<'a> Splitting<'a> {
                 match tensor {
                     SliceTensor::Input(at) => write_bytes(&mut graph, number, self.fields.inputs[at]),
                     SliceTensor::Output(at) => write_bytes(&mut graph, number, self.fields.outputs[at]),
-                    SliceTensor::Handed(_) => write_bytes(&mut graph, number, &value_info(&self.values[value])),
+                    SliceTensor::Intermediate(_) => write_bytes(&mut graph, number, &value_info(&self.values[value])),
                 }
             }
         }
@@ -453,9 +453,9 @@ impl<'a> Splitting<'a> {
         onnx: &[u8],
         inputs: &[(SliceTensor, usize)],
         outputs: &[(SliceTensor, usize)],
-    ) -> Check<Footprint> {
+    ) -> CheckResult<Footprint> {
         let model = proto::model(onnx)?;
-        let shapes = |list: &[(SliceTensor, usize)]| -> Check<Vec<(&str, Shape)>> {
+        let shapes = |list: &[(SliceTensor, usize)]| -> CheckResult<Vec<(&str, Shape)>> {
             let named = |&(_, value): &(SliceTensor, usize)| {
                 let Value { name, shape, .. } = &self.values[value];
                 let shape = shape.clone().ok_or_else(|| Fault::new(format!("{} has no shape", quoted(name))))?;
@@ -469,32 +469,32 @@ impl<'a> Splitting<'a> {
     }
 
     /// Adds a value that `slice` makes and a later one reads; returns its position in `list`.
-    fn hand_over(
+    fn add_intermediate(
         &self,
         slice: usize,
         value: usize,
-        handed: &mut HashMap<usize, usize>,
-        list: &mut Vec<HandedValue>,
-    ) -> Check<usize> {
+        positions: &mut HashMap<usize, usize>,
+        list: &mut Vec<IntermediateTensor>,
+    ) -> CheckResult<usize> {
         let Value { name, shape, .. } = &self.values[value];
         let fault = |what: &str| Fault::new(format!("{} goes from layer to layer and {what}", quoted(name)));
         let shape = shape.as_ref().ok_or_else(|| fault("has no shape"))?;
         let precision = match shape.element {
-            Element::F32 => Precision::F32,
-            Element::F16 => Precision::F16,
-            Element::U8 | Element::I64 => return Err(fault(&format!("is {}", shape.element))),
+            DataType::F32 => Precision::F32,
+            DataType::F16 => Precision::F16,
+            DataType::U8 | DataType::I32 | DataType::I64 => return Err(fault(&format!("is {}", shape.element))),
         };
         let shape = shape.dims.iter().map(|&n| usize::try_from(n)).collect::<std::result::Result<Vec<_>, _>>();
         let shape = shape.map_err(|_| fault("is too large"))?;
-        handed.try_reserve(1).map_err(Fault::no_memory)?;
-        handed.insert(value, list.len());
-        list.push(HandedValue { name: (*name).to_owned(), precision, shape, memory: 0, slices: (slice, slice) });
+        positions.try_reserve(1).map_err(Fault::no_memory)?;
+        positions.insert(value, list.len());
+        list.push(IntermediateTensor { name: (*name).to_owned(), precision, shape, buffer: 0, slices: (slice, slice) });
         Ok(list.len() - 1)
     }
 }
 
 impl<'a> GraphFields<'a> {
-    fn of(onnx: &'a [u8]) -> Check<Self> {
+    fn of(onnx: &'a [u8]) -> CheckResult<Self> {
         let mut found = Self::default();
         let mut fields = Fields::new("the model", onnx);
         while let Some(field) = fields.next()? {
@@ -517,7 +517,7 @@ impl<'a> GraphFields<'a> {
     }
 }
 
-impl HandedValue {
+impl IntermediateTensor {
     /// Size in bytes.
     fn bytes(&self) -> usize {
         self.shape.iter().product::<usize>() * self.precision.bytes()
@@ -525,19 +525,19 @@ impl HandedValue {
 }
 
 impl Slices {
-    /// Lets values of one size share memory, where the slices that make or read them differ.
-    fn assign_memories(&mut self) {
-        // For each memory, the last slice that uses it.
+    /// Lets tensors of one size share a buffer, where the slices that make or read them differ.
+    fn assign_buffers(&mut self) {
+        // For each buffer, the last slice that uses it.
         let mut used_until: Vec<usize> = Vec::new();
-        for value in &mut self.handed {
+        for value in &mut self.intermediates {
             let (bytes, (made, last)) = (value.bytes(), value.slices);
-            let free = (0..self.memories.len()).find(|&at| self.memories[at] == bytes && used_until[at] < made);
-            value.memory = free.unwrap_or_else(|| {
-                self.memories.push(bytes);
+            let free = (0..self.buffer_sizes.len()).find(|&at| self.buffer_sizes[at] == bytes && used_until[at] < made);
+            value.buffer = free.unwrap_or_else(|| {
+                self.buffer_sizes.push(bytes);
                 used_until.push(0);
-                self.memories.len() - 1
+                self.buffer_sizes.len() - 1
             });
-            used_until[value.memory] = last;
+            used_until[value.buffer] = last;
         }
     }
 }
@@ -548,7 +548,7 @@ fn add<'a>(
     name: &'a str,
     origin: Origin,
     shape: Option<Shape>,
-) -> Check<()> {
+) -> CheckResult<()> {
     values.try_reserve(1).map_err(Fault::no_memory)?;
     names.try_reserve(1).map_err(Fault::no_memory)?;
     names.insert(name, values.len());
@@ -556,7 +556,7 @@ fn add<'a>(
     Ok(())
 }
 
-fn find(names: &HashMap<&str, usize>, name: &str) -> Check<usize> {
+fn find(names: &HashMap<&str, usize>, name: &str) -> CheckResult<usize> {
     names.get(name).copied().ok_or_else(|| Fault::new(format!("{} is read before it is made", quoted(name))))
 }
 
@@ -645,15 +645,15 @@ mod tests {
     }
 
     #[test]
-    fn values_share_memory_only_while_no_slice_needs_both() {
-        let value = |shape: &[usize], slices| HandedValue {
+    fn tensors_share_a_buffer_only_while_no_slice_needs_both() {
+        let value = |shape: &[usize], slices| IntermediateTensor {
             name: String::new(),
             precision: Precision::F16,
             shape: shape.to_vec(),
-            memory: 0,
+            buffer: 0,
             slices,
         };
-        let handed = vec![
+        let intermediates = vec![
             value(&[4], (0, 1)),
             value(&[4], (0, 3)),
             value(&[8], (0, 1)),
@@ -661,10 +661,10 @@ mod tests {
             value(&[2, 2], (2, 3)),
             value(&[4], (3, 4)),
         ];
-        let mut slices = Slices { models: Vec::new(), handed, memories: Vec::new() };
-        slices.assign_memories();
-        let memories: Vec<usize> = slices.handed.iter().map(|value| value.memory).collect();
-        assert_eq!(memories, [0, 1, 2, 3, 0, 3]);
-        assert_eq!(slices.memories, [8, 8, 16, 8]);
+        let mut slices = Slices { models: Vec::new(), intermediates, buffer_sizes: Vec::new() };
+        slices.assign_buffers();
+        let buffers: Vec<usize> = slices.intermediates.iter().map(|value| value.buffer).collect();
+        assert_eq!(buffers, [0, 1, 2, 3, 0, 3]);
+        assert_eq!(slices.buffer_sizes, [8, 8, 16, 8]);
     }
 }

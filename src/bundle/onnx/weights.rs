@@ -1,11 +1,11 @@
 //! Rewrites a model so that its large weights are inputs. The caller can then supply their memory, which the runtime would own otherwise.
 
-use super::model_writer::{ValueType, value_info};
+use super::model_writer::value_info;
 use super::operators::NBITS;
 use super::proto::{self, Data, Graph};
 use super::wire::Fields;
 use super::writer::{with_graph, write_bytes};
-use super::{Check, Element, Fault, quoted};
+use super::{CheckResult, DataType, Fault, quoted};
 use crate::Result;
 use crate::bundle::ModelSource;
 
@@ -32,7 +32,7 @@ pub(crate) fn weights_as_inputs<'a>(model: &ModelSource<'a>) -> Result<(Vec<u8>,
     rewrite(model).map_err(Fault::error)
 }
 
-fn rewrite<'a>(model: &ModelSource<'a>) -> Check<(Vec<u8>, Vec<Weight<'a>>)> {
+fn rewrite<'a>(model: &ModelSource<'a>) -> CheckResult<(Vec<u8>, Vec<Weight<'a>>)> {
     let graph = proto::model(model.onnx)?.graph;
     let weights = weights(&graph, model)?;
     let rewrite = |graph: &[u8]| graph_without(&weights, Fields::new("the graph", graph));
@@ -40,7 +40,7 @@ fn rewrite<'a>(model: &ModelSource<'a>) -> Check<(Vec<u8>, Vec<Weight<'a>>)> {
     Ok((written, weights))
 }
 
-fn weights<'a>(graph: &Graph<'a>, model: &ModelSource<'a>) -> Check<Vec<Weight<'a>>> {
+fn weights<'a>(graph: &Graph<'a>, model: &ModelSource<'a>) -> CheckResult<Vec<Weight<'a>>> {
     let is_multiplied = |name: &str| {
         let mut users = graph.nodes.iter().filter(|node| node.inputs.contains(&name));
         users.all(|node| matches!(node.operator, "MatMul" | "Gemm" | "Conv" | NBITS))
@@ -48,8 +48,8 @@ fn weights<'a>(graph: &Graph<'a>, model: &ModelSource<'a>) -> Check<Vec<Weight<'
     let mut weights = Vec::new();
     for tensor in &graph.tensors {
         let Data::External { location, offset, length } = tensor.data else { continue };
-        let element = Element::of(tensor.data_type)?;
-        if length < SMALLEST || !matches!(element, Element::F16 | Element::U8) || !is_multiplied(tensor.name) {
+        let element = DataType::of(tensor.data_type)?;
+        if length < SMALLEST || !matches!(element, DataType::F16 | DataType::U8) || !is_multiplied(tensor.name) {
             continue;
         }
         let file = model.external.iter().find(|(name, _)| *name == location);
@@ -59,12 +59,12 @@ fn weights<'a>(graph: &Graph<'a>, model: &ModelSource<'a>) -> Check<Vec<Weight<'
         let (Some(bytes), Ok(shape)) = (bytes, shape) else {
             return Err(Fault::new(format!("initializer {} lies outside its file", quoted(tensor.name))));
         };
-        weights.push(Weight { name: tensor.name, is_integer: element == Element::U8, shape, bytes });
+        weights.push(Weight { name: tensor.name, is_integer: element == DataType::U8, shape, bytes });
     }
     Ok(weights)
 }
 
-fn graph_without(weights: &[Weight<'_>], mut fields: Fields<'_>) -> Check<Vec<u8>> {
+fn graph_without(weights: &[Weight<'_>], mut fields: Fields<'_>) -> CheckResult<Vec<u8>> {
     let mut written = Vec::new();
     while let Some(field) = fields.next()? {
         if field.number == 5 {
@@ -76,14 +76,14 @@ fn graph_without(weights: &[Weight<'_>], mut fields: Fields<'_>) -> Check<Vec<u8
         field.write(&mut written);
     }
     for weight in weights {
-        let element = if weight.is_integer { ValueType::U8 } else { ValueType::F16 };
+        let element = if weight.is_integer { DataType::U8 } else { DataType::F16 };
         write_bytes(&mut written, 11, &value_info(weight.name, element, &weight.shape));
     }
     Ok(written)
 }
 
 /// A tensor's name.
-fn name_of<'a>(mut fields: Fields<'a>) -> Check<&'a str> {
+fn name_of<'a>(mut fields: Fields<'a>) -> CheckResult<&'a str> {
     while let Some(field) = fields.next()? {
         if field.number == 8 {
             return field.text(usize::MAX);
@@ -102,7 +102,7 @@ mod tests {
     fn initializer(name: &str, dims: &[u64], offset: u64) -> Vec<u8> {
         let mut tensor = Vec::new();
         dims.iter().for_each(|&n| write_int(&mut tensor, 1, n));
-        write_int(&mut tensor, 2, Element::F16 as u64);
+        write_int(&mut tensor, 2, DataType::F16 as u64);
         write_bytes(&mut tensor, 8, name.as_bytes());
         let length = 2 * dims.iter().product::<u64>();
         for (key, value) in
@@ -138,8 +138,8 @@ mod tests {
         }
         initializers.iter().for_each(|tensor| write_bytes(&mut graph, 5, tensor));
         let whole = Weight { name: "x", is_integer: false, shape: vec![1, 256], bytes: &[] };
-        write_bytes(&mut graph, 11, &value_info(whole.name, ValueType::F16, &whole.shape));
-        write_bytes(&mut graph, 12, &value_info("y", ValueType::F16, &whole.shape));
+        write_bytes(&mut graph, 11, &value_info(whole.name, DataType::F16, &whole.shape));
+        write_bytes(&mut graph, 12, &value_info("y", DataType::F16, &whole.shape));
         write_int(&mut model, 1, 8);
         write_bytes(&mut model, 7, &graph);
         write_bytes(&mut model, 8, &[]);

@@ -4,7 +4,7 @@
 //! refused. Nothing here recurses or allocates for a length that a file claims.
 //! Encoding: <https://protobuf.dev/programming-guides/encoding/>.
 
-use super::{Check, Fault};
+use super::{CheckResult, Fault};
 
 /// One field's value.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,7 +27,7 @@ impl<'a> Fields<'a> {
     }
 
     /// The next field's number and value, `None` at the end.
-    pub(super) fn next(&mut self) -> Check<Option<Field<'a>>> {
+    pub(super) fn next(&mut self) -> CheckResult<Option<Field<'a>>> {
         if self.rest.is_empty() {
             return Ok(None);
         }
@@ -54,7 +54,7 @@ impl<'a> Fields<'a> {
         Ok(Some(Field { message, number, value }))
     }
 
-    fn take(&mut self, length: u64) -> Check<&'a [u8]> {
+    fn take(&mut self, length: u64) -> CheckResult<&'a [u8]> {
         let split = usize::try_from(length).ok().and_then(|n| self.rest.split_at_checked(n));
         let (bytes, rest) =
             split.ok_or_else(|| Fault::new(format!("{} ends inside a field of {length} bytes", self.message)))?;
@@ -62,7 +62,7 @@ impl<'a> Fields<'a> {
         Ok(bytes)
     }
 
-    fn varint(&mut self) -> Check<u64> {
+    fn varint(&mut self) -> CheckResult<u64> {
         let mut value = 0_u64;
         for shift in (0..64).step_by(7) {
             let byte = self.take(1)?[0];
@@ -89,21 +89,21 @@ pub(super) struct Field<'a> {
 
 impl<'a> Field<'a> {
     /// An integer; negative ones have all 64 bits.
-    pub(super) fn int(&self) -> Check<i64> {
+    pub(super) fn int(&self) -> CheckResult<i64> {
         match self.value {
             Value::Varint(value) => Ok(value.cast_signed()),
             _ => Err(self.mistyped("an integer")),
         }
     }
 
-    pub(super) fn float(&self) -> Check<f32> {
+    pub(super) fn float(&self) -> CheckResult<f32> {
         match self.value {
             Value::Fixed32(bytes) => Ok(f32::from_le_bytes(bytes)),
             _ => Err(self.mistyped("a float")),
         }
     }
 
-    pub(super) fn bytes(&self) -> Check<&'a [u8]> {
+    pub(super) fn bytes(&self) -> CheckResult<&'a [u8]> {
         match self.value {
             Value::Bytes(bytes) => Ok(bytes),
             _ => Err(self.mistyped("bytes")),
@@ -111,7 +111,7 @@ impl<'a> Field<'a> {
     }
 
     /// UTF-8 of at most `most` bytes.
-    pub(super) fn text(&self, most: usize) -> Check<&'a str> {
+    pub(super) fn text(&self, most: usize) -> CheckResult<&'a str> {
         let bytes = self.bytes()?;
         if bytes.len() > most {
             return Err(self.fault(format!("has {} bytes, at most {most} are allowed", bytes.len())));
@@ -120,7 +120,7 @@ impl<'a> Field<'a> {
     }
 
     /// Appends one integer, or all integers of a packed field, to a list of at most `most` entries.
-    pub(super) fn ints(&self, list: &mut Vec<i64>, most: usize) -> Check<()> {
+    pub(super) fn ints(&self, list: &mut Vec<i64>, most: usize) -> CheckResult<()> {
         match self.value {
             Value::Varint(value) => list.push(value.cast_signed()),
             Value::Bytes(bytes) => {
@@ -138,13 +138,13 @@ impl<'a> Field<'a> {
     }
 
     /// A sub-message.
-    pub(super) fn message(&self, message: &'static str) -> Check<Fields<'a>> {
+    pub(super) fn message(&self, message: &'static str) -> CheckResult<Fields<'a>> {
         Ok(Fields::new(message, self.bytes()?))
     }
 
     /// Stores `value` in an empty slot, and refuses a repeated field: protobuf lets a later field replace or merge with an earlier one,
     /// and readers may differ on which.
-    pub(super) fn once<T>(&self, slot: &mut Option<T>, value: T) -> Check<()> {
+    pub(super) fn once<T>(&self, slot: &mut Option<T>, value: T) -> CheckResult<()> {
         match slot.replace(value) {
             None => Ok(()),
             Some(_) => Err(self.fault("is given twice")),
@@ -152,7 +152,7 @@ impl<'a> Field<'a> {
     }
 
     /// Error for a field that no bundle needs.
-    pub(super) fn refuse<T>(&self, meaning: &str) -> Check<T> {
+    pub(super) fn refuse<T>(&self, meaning: &str) -> CheckResult<T> {
         Err(self.fault(format!("({meaning}) is not allowed")))
     }
 
@@ -169,7 +169,7 @@ impl<'a> Field<'a> {
 mod tests {
     use super::*;
 
-    fn first(bytes: &[u8]) -> Check<Option<Field<'_>>> {
+    fn first(bytes: &[u8]) -> CheckResult<Option<Field<'_>>> {
         Fields::new("a test", bytes).next()
     }
 

@@ -1,7 +1,7 @@
 //! Writer of protobuf's wire format.
 
 use super::wire::{Field, Fields, Value};
-use super::{Check, Fault};
+use super::{CheckResult, Fault};
 
 impl Field<'_> {
     /// Appends the field to `message`, unchanged.
@@ -18,14 +18,18 @@ impl Field<'_> {
 }
 
 /// An empty message with room for `bytes` bytes.
-pub(super) fn reserved(bytes: usize) -> Check<Vec<u8>> {
+pub(super) fn reserved(bytes: usize) -> CheckResult<Vec<u8>> {
     let mut message = Vec::new();
     message.try_reserve_exact(bytes).map_err(Fault::no_memory)?;
     Ok(message)
 }
 
 /// The model with another graph, which `rewrite` makes of the bytes of its own. Memory of `bytes` bytes is reserved for the result, and can fail.
-pub(super) fn with_graph(onnx: &[u8], bytes: usize, rewrite: impl Fn(&[u8]) -> Check<Vec<u8>>) -> Check<Vec<u8>> {
+pub(super) fn with_graph(
+    onnx: &[u8],
+    bytes: usize,
+    rewrite: impl Fn(&[u8]) -> CheckResult<Vec<u8>>,
+) -> CheckResult<Vec<u8>> {
     let mut written = reserved(bytes)?;
     let mut fields = Fields::new("the model", onnx);
     while let Some(field) = fields.next()? {

@@ -137,7 +137,7 @@ fn every_error_of_a_frame_names_the_call_and_drops_the_history() {
 /// The parameters of a frame decide which field is suspected.
 #[test]
 fn textures_in_the_settings_are_suspected_first() {
-    for (frame, suspect) in [
+    for (frame, field) in [
         (frame(), "flags"),
         (Frame { distortion: picture(0x600, SurfaceFormat::R16G16_FLOAT), ..frame() }, "distortion"),
         (Frame { hudless: picture(0x500, SurfaceFormat::R8G8B8A8_UNORM), ..frame() }, "hudless"),
@@ -147,7 +147,7 @@ fn textures_in_the_settings_are_suspected_first() {
             fake.rejects = vec![(StructId::FRAME_GENERATION_CONFIGURE, ReturnCode::PARAMETER)];
         });
         let failed = record(&mut generator, &frame).expect_err("it fails");
-        assert_eq!(failed.offending_field(), Some(suspect), "{failed}");
+        assert_eq!(failed.offending_field(), Some(field), "{failed}");
     }
 }
 

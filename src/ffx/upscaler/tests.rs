@@ -101,13 +101,13 @@ fn every_error_names_the_call_the_suspected_field_and_the_arguments() {
                 continue;
             }
             let failed = answer.expect_err("it fails");
-            let suspect = match code {
+            let field = match code {
                 2 | 4 | 7 => "provider",
                 5 => "device",
                 6 => of_value,
                 _ => of_work,
             };
-            assert_eq!(failed.offending_field(), Some(suspect), "{failed}");
+            assert_eq!(failed.offending_field(), Some(field), "{failed}");
             assert!(failed.cause().starts_with(&format!("{call} answered {code} ")), "{failed}");
             assert!(failed.cause().contains(passed) && failed.remedy_text().is_some(), "{passed}: {failed}");
         }

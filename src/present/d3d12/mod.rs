@@ -102,7 +102,7 @@ pub struct Renderer {
 const ONLY_HALF_WAY: &str = "fsr: it makes frames half way between two anchors, and no others";
 
 /// The reason that is reported if AMD's upscaler is available and not used.
-const ONLY_UPSCALES: &str = "fsr: it makes anchors larger, and not those that bring all frames with them";
+const ONLY_UPSCALES: &str = "fsr: it upscales anchors, except those whose decoded pictures are all frames";
 
 /// The reason that is reported if an anchor replaces a frame. It names the call of the C interface that hosts lack.
 const NOT_PREPARED: &str =

@@ -10,7 +10,7 @@ use super::resource_cache::ResourceCache;
 use crate::gpu::compute::picture_formats::{PictureFormat, pitch};
 use crate::gpu::compute::{CommandRecorder, Kernel, Output, ResourceWithState, Shape, View, WordRange};
 use crate::gpu::{Gpu, Heap, MappedBuffer, buffer, writable_texture};
-use crate::texels::SCRGB_NITS;
+use crate::pixel_format::SCRGB_NITS;
 use crate::{Colours, Error, ErrorKind, Result};
 
 /// Descriptors per frame: for the vertical and the horizontal pass.

@@ -109,8 +109,8 @@ fn frames_are_extrapolated_for_late_anchors_unless_the_options_forbid_it() {
         let mut pictures = Vec::new();
         for (ms, source) in sources {
             let (shown, picture) = draw(&presenter, ms * MS);
-            let standing = if source == FrameSource::Anchor { source } else { FrameSource::Held };
-            assert_eq!(shown.source, if extrapolate { source } else { standing }, "{ms}");
+            let expected = if source == FrameSource::Anchor { source } else { FrameSource::Held };
+            assert_eq!(shown.source, if extrapolate { source } else { expected }, "{ms}");
             pictures.push(picture);
         }
         assert_eq!(pictures.iter().all(|picture| picture == last.picture().unwrap()), !extrapolate);

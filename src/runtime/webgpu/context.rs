@@ -39,7 +39,7 @@ pub(super) struct WebGpuContext {
     /// The buffer that was read last, whole: values are often read in pieces, and the provider copies whole buffers only. `None` once work
     /// was submitted after it.
     last_read: Mutex<Option<(BufferId, Vec<u8>)>>,
-    /// Contents of buffers on the adapter that could not be written yet. They are before anything else uses a buffer.
+    /// Contents of buffers on the adapter that could not be written yet. They are written before anything else uses a buffer.
     unwritten: Mutex<Contents>,
 }
 
@@ -101,8 +101,8 @@ impl WebGpuContext {
         }
     }
 
-    /// Writes what could not be written before.
-    fn settle(&self) -> Result<()> {
+    /// Retries the writes that failed.
+    fn flush_unwritten(&self) -> Result<()> {
         let mut unwritten = self.unwritten.lock();
         while let Some((id, copy)) = unwritten.last() {
             match copy {
@@ -134,7 +134,7 @@ impl WebGpuContext {
 
     /// Writes a whole buffer.
     fn write_whole(&mut self, to: BufferId, bytes: &[u8]) -> Result<()> {
-        self.settle()?;
+        self.flush_unwritten()?;
         let buffer = &mut self.buffers[to.0];
         assert_eq!(bytes.len(), buffer.bytes, "a whole buffer");
         match &mut buffer.place {
@@ -148,7 +148,7 @@ impl WebGpuContext {
 
     /// Reads a whole buffer.
     fn read_whole(&self, from: BufferId) -> Result<Vec<u8>> {
-        self.settle()?;
+        self.flush_unwritten()?;
         let buffer = &self.buffers[from.0];
         let mut bytes = zeroed(buffer.bytes)?;
         match &buffer.place {
@@ -177,7 +177,7 @@ impl WebGpuContext {
     /// once the graph has run: where the adapter cannot be written to, they are completed later.
     fn make_copies(&mut self, copies: &[(BufferId, BufferId, Vec<Region>)]) -> Result<()> {
         self.changes();
-        self.settle()?;
+        self.flush_unwritten()?;
         let (mut parts, mut lists) = (Vec::new(), Vec::<Vec<i64>>::new());
         let mut through_host = Contents::new();
         for (to, from, regions) in copies {
@@ -385,7 +385,7 @@ impl ExecutionContext for WebGpuContext {
 
     fn run(&mut self, binding: BindingId) -> Result<()> {
         self.changes();
-        self.settle()?;
+        self.flush_unwritten()?;
         let (binding, graph) = &self.bindings[binding.0];
         binding.run(graph.session())
     }
@@ -397,7 +397,7 @@ impl ExecutionContext for WebGpuContext {
     }
 
     fn read_picture(&mut self, from: &DecodedPicture<'_>, into: &mut Picture) -> Result<bool> {
-        self.settle()?;
+        self.flush_unwritten()?;
         let Place::Adapter(planes) = &self.buffers[from.planes.0].place else { return Ok(false) };
         if self.pictures.as_ref().is_none_or(|pictures| !pictures.fits(from)) {
             self.pictures = Some(PictureReader::new(&self.plugin, from)?);
@@ -417,7 +417,7 @@ impl ExecutionContext for WebGpuContext {
     }
 
     fn find_not_finite(&mut self, check: FiniteCheckId) -> Result<Option<usize>> {
-        self.settle()?;
+        self.flush_unwritten()?;
         let FiniteCheck { groups, precision, graph } = &self.finite_checks[check.0];
         let precision = *precision;
         let on_host = |id: &BufferId| matches!(self.buffers[id.0].place, Place::Host(_));
@@ -453,7 +453,7 @@ impl WebGpuContext {
     }
 
     fn copies_of(&self, of: &[BufferId]) -> Result<Contents> {
-        self.settle()?;
+        self.flush_unwritten()?;
         let copy = |id: &BufferId| {
             let place = match &self.buffers[id.0].place {
                 Place::Adapter(buffer) => Place::Adapter(buffer.duplicate()?),
@@ -481,7 +481,7 @@ impl WebGpuContext {
                 (Place::Host(_), Place::Adapter(_)) => unreachable!("buffers stay on the adapter"),
             }
         }
-        if let Err(error) = self.settle() {
+        if let Err(error) = self.flush_unwritten() {
             log::warn!("buffers are written later: {error}");
         }
     }

@@ -13,7 +13,7 @@ use super::buffer::{DeviceBuffer, WORD};
 use super::plugin::{LOCK, Plugin, refuse_other_providers};
 use super::value::{Value, check};
 use crate::Result;
-use crate::bundle::{ModelWriter, Precision, ValueType};
+use crate::bundle::{DataType, ModelWriter, Precision};
 use crate::runtime::aligned_buffer::AlignedBuffer;
 use crate::runtime::execution_context::Region;
 use crate::runtime::failure::make;
@@ -71,16 +71,16 @@ fn gcd(a: usize, b: usize) -> usize {
 pub(super) fn moves(moves: &[Move], lists: &[usize]) -> Vec<u8> {
     let mut model = ModelWriter::default();
     for ListInput { name, list, is_column } in list_inputs(moves) {
-        model.input(&name, ValueType::I64, &[lists[list], 1][..1 + usize::from(is_column)]);
+        model.input(&name, DataType::I64, &[lists[list], 1][..1 + usize::from(is_column)]);
     }
     for (i, Move { shape, lists }) in moves.iter().enumerate() {
         let [to, from, taken, moved] = names(i);
         let (source, target) = (list_name(lists[0], false), list_name(lists[1], true));
-        model.input(&to, ValueType::I32, &[shape.to_rows, shape.row]);
-        model.input(&from, ValueType::I32, &[shape.from_rows, shape.row]);
+        model.input(&to, DataType::I32, &[shape.to_rows, shape.row]);
+        model.input(&from, DataType::I32, &[shape.from_rows, shape.row]);
         model.node("Gather", &[&from, &source], &[&taken], &[("axis", 0)]);
         model.node("ScatterND", &[&to, &target, &taken], &[&moved], &[]);
-        model.output(&moved, ValueType::I32, &[shape.to_rows, shape.row]);
+        model.output(&moved, DataType::I32, &[shape.to_rows, shape.row]);
     }
     model.finish()
 }
@@ -131,7 +131,7 @@ pub(super) fn largest(groups: &[Vec<usize>], precision: Precision) -> Vec<u8> {
         let mut parts = Vec::new();
         for words in group {
             let x = format!("x.{i}");
-            model.input(&x, ValueType::I32, &[*words]);
+            model.input(&x, DataType::I32, &[*words]);
             for f in 0..factors.len() {
                 let [shifted, is_high, high, part] =
                     ["shifted", "is_high", "high", "part"].map(|what| format!("{what}.{i}.{f}"));
@@ -151,7 +151,7 @@ pub(super) fn largest(groups: &[Vec<usize>], precision: Precision) -> Vec<u8> {
     }
     let results: Vec<&str> = results.iter().map(String::as_str).collect();
     model.node("Concat", &results, &["largest"], &[("axis", 0)]);
-    model.output("largest", ValueType::I32, &[groups.len()]);
+    model.output("largest", DataType::I32, &[groups.len()]);
     model.finish()
 }
 

@@ -25,7 +25,7 @@ use super::device::{Backend, DeviceKind};
 use super::failure::make;
 use super::graph::TensorSpec;
 use super::{ExecutionContext, Graph, Ort, self_test};
-use crate::bundle::{ModelSource, Precision, largest_weight, with_partial_sums, without_fused_products};
+use crate::bundle::{ModelSource, Precision, largest_weight, with_split_k, without_fused_products};
 use crate::{Error, ErrorKind, LibrarySearch, Result};
 pub(super) use adapter_errors::note;
 use context::WebGpuContext;
@@ -158,7 +158,7 @@ impl Backend for WebGpuBackend {
         }
         let sizes: Vec<_> =
             inputs.iter().chain(&outputs).map(|spec| (spec.name.as_str(), spec.shape.as_slice())).collect();
-        let divided = with_partial_sums(model.onnx, &sizes)?;
+        let divided = with_split_k(model.onnx, &sizes)?;
         let onnx = divided.as_deref().unwrap_or(model.onnx);
         let rewritten = without_fused_products(onnx)?;
         let model = ModelSource { onnx: rewritten.as_deref().unwrap_or(onnx), external: model.external.clone() };

@@ -8,7 +8,7 @@ use super::buffer::{DeviceBuffer, WORD};
 use super::helper_graphs::{Binding, SessionUnderLock};
 use super::plugin::Plugin;
 use crate::Result;
-use crate::bundle::{ModelWriter, Precision, ValueType};
+use crate::bundle::{DataType, ModelWriter, Precision};
 use crate::runtime::aligned_buffer::AlignedBuffer;
 use crate::runtime::execution_context::{BufferId, DecodedPicture, Tap};
 
@@ -101,16 +101,16 @@ impl PictureReader {
 fn model(Conversion { pictures, size: [height, width], precision, rows, columns }: &Conversion) -> Vec<u8> {
     let mut model = ModelWriter::default();
     let element = match precision {
-        Precision::F32 => ValueType::F32,
-        Precision::F16 => ValueType::F16,
+        Precision::F32 => DataType::F32,
+        Precision::F16 => DataType::F16,
     };
     model.input("planes", element, &[*pictures, 3, *height, *width]);
-    model.input("index", ValueType::I64, &[1]);
+    model.input("index", DataType::I64, &[1]);
     model.node("Gather", &["planes", "index"], &["chosen"], &[("axis", 0)]);
     let float = match precision {
         Precision::F32 => "chosen",
         Precision::F16 => {
-            model.node("Cast", &["chosen"], &["float"], &[("to", ValueType::F32 as i64)]);
+            model.node("Cast", &["chosen"], &["float"], &[("to", DataType::F32 as i64)]);
             "float"
         }
     };
@@ -124,14 +124,14 @@ fn model(Conversion { pictures, size: [height, width], precision, rows, columns 
     model.node("Mul", &["y", "255"], &["scaled"], &[]);
     model.node("Add", &["scaled", "half"], &["raised"], &[]);
     model.node("Floor", &["raised"], &["whole"], &[]);
-    model.node("Cast", &["whole"], &["bytes"], &[("to", ValueType::I32 as i64)]);
+    model.node("Cast", &["whole"], &["bytes"], &[("to", DataType::I32 as i64)]);
     model.constant("places", &[3, 1, 1], &[1, 1 << 8, 1 << 16]);
     model.constant("channels", &[1], &[1_i64]);
     model.constant("opaque", &[1], &[0xFF_i32 << 24]);
     model.node("Mul", &["bytes", "places"], &["placed"], &[]);
     model.node("ReduceSum", &["placed", "channels"], &["colour"], &[("keepdims", 0)]);
     model.node("Add", &["colour", "opaque"], &["pixels"], &[]);
-    model.output("pixels", ValueType::I32, &[1, rows.len(), columns.len()]);
+    model.output("pixels", DataType::I32, &[1, rows.len(), columns.len()]);
     model.finish()
 }
 

@@ -327,9 +327,9 @@ unsafe fn text(value: *const c_char) -> Option<String> {
 
 /// Refuses a session that runs nodes elsewhere than on the adapter: each would copy its values to the host and back in every pass.
 pub(super) fn refuse_other_providers(session: &Session, what: &str, device: &str) -> Result<()> {
-    let elsewhere = nodes_elsewhere(session)?;
-    let Some((name, operator, provider)) = elsewhere.first() else { return Ok(()) };
-    let more = if elsewhere.len() > 1 { format!(" and {} more", elsewhere.len() - 1) } else { String::new() };
+    let unsupported = unsupported_nodes(session)?;
+    let Some((name, operator, provider)) = unsupported.first() else { return Ok(()) };
+    let more = if unsupported.len() > 1 { format!(" and {} more", unsupported.len() - 1) } else { String::new() };
     Err(Error::new(
         ErrorKind::Unsupported,
         format!("{device} has no {operator} for the node {name}{more} of the {what}, which {provider} would run"),
@@ -338,13 +338,13 @@ pub(super) fn refuse_other_providers(session: &Session, what: &str, device: &str
 }
 
 /// Name, operator and provider of the nodes that another provider runs.
-fn nodes_elsewhere(session: &Session) -> Result<Vec<(String, String, String)>> {
+fn unsupported_nodes(session: &Session) -> Result<Vec<(String, String, String)>> {
     let api = ort::api();
     let (mut parts, mut count) = (std::ptr::null(), 0);
     // SAFETY: a live session, and places for the list, which the session owns.
     let status = unsafe { (api.Session_GetEpGraphAssignmentInfo)(session.ptr(), &mut parts, &mut count) };
     check("tell which provider runs each node", status)?;
-    let mut elsewhere = Vec::new();
+    let mut unsupported = Vec::new();
     for i in 0..count {
         // SAFETY: one of the list's `count` parts.
         let part = unsafe { *parts.add(i) };
@@ -369,10 +369,10 @@ fn nodes_elsewhere(session: &Session) -> Result<Vec<(String, String, String)>> {
             check("name an operator", unsafe { (api.EpAssignedNode_GetOperatorType)(node, &mut operator) })?;
             // SAFETY: texts of the node.
             let (name, operator) = unsafe { (text(name), text(operator)) };
-            elsewhere.push((name.unwrap_or_default(), operator.unwrap_or_default(), provider.clone()));
+            unsupported.push((name.unwrap_or_default(), operator.unwrap_or_default(), provider.clone()));
         }
     }
-    Ok(elsewhere)
+    Ok(unsupported)
 }
 
 #[cfg(test)]

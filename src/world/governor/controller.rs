@@ -10,7 +10,7 @@ const STALE_FRAMES: u64 = 3;
 /// Maximum number of consecutive measurements within the budget that are required before a larger setting is tried.
 const MAX_PATIENCE: u32 = 64;
 
-/// One setting, as indices in lists whose first entry is the best.
+/// One setting, as indices in lists whose first entry is the best: a setting that is greater costs less.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Setting {
     pub(super) window: usize,
@@ -24,16 +24,16 @@ pub(super) struct Setting {
 pub(super) struct Window {
     pub(super) latents: u32,
     /// Bytes of its ring.
-    pub(super) ring: u64,
+    pub(super) ring_bytes: u64,
     /// Whether it may be used.
     pub(super) allowed: bool,
     /// Duration of a pass, relative to a pass of the first window that was measured; `None` before it is measured.
-    relative: Option<f64>,
+    relative_pass: Option<f64>,
 }
 
 impl Window {
-    pub(super) fn new(latents: u32, ring: u64, allowed: bool) -> Self {
-        Self { latents, ring, allowed, relative: None }
+    pub(super) fn new(latents: u32, ring_bytes: u64, allowed: bool) -> Self {
+        Self { latents, ring_bytes, allowed, relative_pass: None }
     }
 }
 
@@ -86,7 +86,7 @@ pub(super) struct Controller {
     frames: u64,
     frames_time: Duration,
     /// Duration in seconds that a pass of the first measured window would have had when the current window was entered: the
-    /// reference for the current window's `relative`. Set between the change of window and the next measurement.
+    /// reference for the current window's `relative_pass`. Set between the change of window and the next measurement.
     reference_pass: Option<f64>,
     /// The last measurement: time of a latent, and of the work on frames for each shown frame.
     latent_time: Duration,
@@ -94,7 +94,7 @@ pub(super) struct Controller {
     /// Consecutive measurements within the budget, and how many of them are required before a larger setting is tried.
     within_budget: u32,
     patience: u32,
-    /// Whether the last setting that could be increased was.
+    /// Whether a larger setting was chosen last; if frames then exceed the budget, `patience` doubles.
     has_grown: bool,
     /// How often the smallest setting took too long.
     pub(super) over_budget: u64,
@@ -206,23 +206,24 @@ impl Controller {
     }
 
     /// Duration of a pass in seconds; all other work of a latent counts as one pass more.
-    fn pass(&self) -> f64 {
+    fn pass_seconds(&self) -> f64 {
         self.latent_time.as_secs_f64() / f64::from(self.passes[self.setting.passes] + 1)
     }
 
     /// Stores the current window's pass duration relative to the first measured window's.
     fn update_window(&mut self) {
-        let pass = self.pass();
+        let pass = self.pass_seconds();
         let relative = match self.reference_pass.take() {
             Some(reference) if reference > 0.0 => pass / reference,
-            _ => self.windows[self.setting.window].relative.unwrap_or(1.0),
+            _ => self.windows[self.setting.window].relative_pass.unwrap_or(1.0),
         };
-        self.windows[self.setting.window].relative = Some(relative);
+        self.windows[self.setting.window].relative_pass = Some(relative);
     }
 
     /// Stores what a pass of the first measured window takes now, before the window changes.
     fn set_reference_pass(&mut self) {
-        self.reference_pass = self.windows[self.setting.window].relative.map(|relative| self.pass() / relative);
+        self.reference_pass =
+            self.windows[self.setting.window].relative_pass.map(|relative| self.pass_seconds() / relative);
     }
 
     /// Expected time of a shown frame under `setting`.
@@ -240,7 +241,7 @@ impl Controller {
     /// assumed to save nothing, and a wider one to cost in proportion to its length.
     fn pass_ratio(&self, window: usize) -> f64 {
         let (current, other) = (&self.windows[self.setting.window], &self.windows[window]);
-        match (other.relative, current.relative) {
+        match (other.relative_pass, current.relative_pass) {
             _ if window == self.setting.window => 1.0,
             (Some(other), Some(current)) if current > 0.0 => other / current,
             _ => (f64::from(other.latents) / f64::from(current.latents)).max(1.0),
@@ -249,7 +250,8 @@ impl Controller {
 
     /// Whether a window is allowed and its ring fits in the memory that is left.
     fn is_available(&self, window: usize, memory_left: Option<i128>) -> bool {
-        let more = i128::from(self.windows[window].ring) - i128::from(self.windows[self.setting.window].ring);
+        let more =
+            i128::from(self.windows[window].ring_bytes) - i128::from(self.windows[self.setting.window].ring_bytes);
         self.windows[window].allowed && (more <= 0 || memory_left.is_none_or(|left| more <= left))
     }
 

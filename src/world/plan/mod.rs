@@ -7,10 +7,10 @@ mod state;
 #[cfg(test)]
 mod tests;
 
-use crate::bundle::{Controls, Manifest};
+use crate::bundle::{ControlCounts, Manifest};
 use crate::world::controls::ControlInput;
 use crate::world::noise::NoiseKey;
-use crate::world::operating_point::{CacheMode, OperatingPoint, global_buckets};
+use crate::world::operating_point::{CacheMode, OperatingPoint, global_slots};
 use crate::world::ring::Ring;
 use crate::world::schedule::SigmaTable;
 use crate::{Error, ErrorKind, Result};
@@ -89,7 +89,7 @@ pub struct Planner {
     seed: u64,
     cache_mode: CacheMode,
     table: SigmaTable,
-    controls: Controls,
+    controls: ControlCounts,
     time_multiplier: u32,
     prime: u32,
     clocks: Clocks,
@@ -129,7 +129,7 @@ impl Planner {
             prime: geometry.autoencoder.temporal - 1,
             clocks: Clocks::default(),
             local: Ring::new(geometry.local.window, 1)?,
-            global: Ring::new(global_buckets(geometry, point.global_window)?, geometry.global.dilation)?,
+            global: Ring::new(global_slots(geometry, point.global_window)?, geometry.global.dilation)?,
         })
     }
 
@@ -197,7 +197,7 @@ impl Planner {
         let commits_now = plan.cache != CachePass::Skip;
         for (ring, ring_plan) in [(&self.local, &mut plan.local), (&self.global, &mut plan.global)] {
             ring_plan.visible.clear();
-            ring_plan.visible.extend((0..ring.buckets()).map(|slot| ring.is_visible(commits, slot)));
+            ring_plan.visible.extend((0..ring.slot_count()).map(|slot| ring.is_visible(commits, slot)));
             ring_plan.slot = (commits_now && ring.is_write_step(commits)).then(|| ring.slot(commits));
         }
         // Every latent is decoded, so the first one after a reset is the one that primes.
@@ -256,12 +256,12 @@ impl Planner {
             );
         }
         for (name, ring, ring_plan) in [("local", &self.local, &plan.local), ("global", &self.global, &plan.global)] {
-            if ring_plan.visible.len() != ring.buckets() {
-                return wrong(name, format!("{} slots, the ring has {}", ring_plan.visible.len(), ring.buckets()));
+            if ring_plan.visible.len() != ring.slot_count() {
+                return wrong(name, format!("{} slots, the ring has {}", ring_plan.visible.len(), ring.slot_count()));
             }
             match ring_plan.slot {
-                Some(slot) if slot >= ring.buckets() => {
-                    return wrong(name, format!("slot {slot} does not exist in a ring of {}", ring.buckets()));
+                Some(slot) if slot >= ring.slot_count() => {
+                    return wrong(name, format!("slot {slot} does not exist in a ring of {}", ring.slot_count()));
                 }
                 Some(slot) if plan.cache == CachePass::Skip => {
                     return wrong(name, format!("slot {slot} is named, but nothing is committed"));

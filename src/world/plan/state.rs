@@ -7,7 +7,7 @@
 //! u32 x 5   cache mode (0 separate, 1 fused, 2 interval), k or 0, RoPE time multiplier, dilation, denoise passes
 //! f32       n + 1 noise levels
 //! u64 x 3   latents, generated latents, commits
-//! 2 x       u32 buckets, then one byte for each slot: 0 or 1 (local, then global)
+//! 2 x       u32 slots, then one byte for each slot: 0 or 1 (local, then global)
 //! ```
 //!
 //! All numbers are little-endian.
@@ -29,7 +29,7 @@ impl Planner {
             out.extend_from_slice(&clock.to_le_bytes());
         }
         for ring in [&self.local, &self.global] {
-            out.extend_from_slice(&(ring.buckets() as u32).to_le_bytes());
+            out.extend_from_slice(&(ring.slot_count() as u32).to_le_bytes());
             out.extend(ring.written().iter().map(|written| u8::from(*written)));
         }
         out
@@ -109,11 +109,11 @@ fn read_array<const N: usize>(rest: &mut &[u8]) -> Result<[u8; N]> {
 }
 
 fn read_flags(rest: &mut &[u8], ring: &Ring) -> Result<Vec<bool>> {
-    let buckets = u32::from_le_bytes(read_array(rest)?);
-    if buckets as usize != ring.buckets() {
+    let slots = u32::from_le_bytes(read_array(rest)?);
+    if slots as usize != ring.slot_count() {
         return Err(invalid("the state belongs to another context window"));
     }
-    let (head, tail) = rest.split_at_checked(ring.buckets()).ok_or_else(|| invalid("the state ends too early"))?;
+    let (head, tail) = rest.split_at_checked(ring.slot_count()).ok_or_else(|| invalid("the state ends too early"))?;
     *rest = tail;
     head.iter()
         .map(|byte| match byte {

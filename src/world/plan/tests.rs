@@ -2,10 +2,10 @@
 
 use super::*;
 use crate::world::fixture::{TestRng, manifest};
-use crate::world::keys::Key;
 use crate::world::preset::Preset;
 use crate::world::schedule::Schedule;
 use crate::world::time::WorldTime;
+use crate::world::virtual_keys::Key;
 
 fn point(cache_mode: CacheMode) -> OperatingPoint {
     OperatingPoint { global_window: 16, cache_mode, ..Preset::Stock.operating_point() }
@@ -287,7 +287,7 @@ fn points_that_do_not_fit_the_world_are_refused() {
     }
     for g in [4, 16, 32, 64] {
         let planner = Planner::new(&manifest(), &OperatingPoint { global_window: g, ..stock.clone() }, 0).unwrap();
-        assert_eq!(planner.global().buckets(), g as usize / 4);
+        assert_eq!(planner.global().slot_count(), g as usize / 4);
     }
     let invalid: [fn(&mut Manifest); 4] = [
         |m| m.geometry.global.dilation = 0,

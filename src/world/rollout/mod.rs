@@ -299,7 +299,7 @@ impl Rollout {
         self.device.decoder_memories(self.world.manifest().geometry.autoencoder.memories.len())
     }
 
-    /// K or V of one layer's ring, as stored on the device: `[kv_heads, buckets * T, head_width]` in the graphs' element type.
+    /// K or V of one layer's ring, as stored on the device: `[kv_heads, slots * T, head_width]` in the graphs' element type.
     ///
     /// # Errors
     /// `InvalidArgument` for a layer that does not exist; `Device` when it cannot be read.

@@ -8,8 +8,8 @@ mod text;
 use std::fmt;
 
 use crate::world::controls::ControlInput;
-use crate::world::keys::{Key, KeySet};
 use crate::world::time::{MAX_SECONDS, MICROS, WorldTime, format_micros};
+use crate::world::virtual_keys::{Key, KeySet};
 use crate::{Error, ErrorKind, Result};
 
 pub use recorder::ScriptRecorder;

@@ -1,9 +1,9 @@
 //! Records live input as a control script.
 
 use crate::world::controls::ControlInput;
-use crate::world::keys::{Key, KeySet};
 use crate::world::script::{Action, ControlScript, MAX_EVENT_MOUSE, MAX_EVENT_SCROLL, MAX_EVENTS, ScriptEvent};
 use crate::world::time::{MAX_SECONDS, MICROS, WorldTime, format_micros};
+use crate::world::virtual_keys::{Key, KeySet};
 use crate::{Error, ErrorKind, Result};
 
 /// Collects input events as they happen, or the controls of whole latent steps, and makes a [`ControlScript`] of them.

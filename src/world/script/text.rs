@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
-use crate::world::keys::Key;
 use crate::world::script::{Action, ControlScript, MAX_EVENTS, ScriptEvent, SourcePosition};
 use crate::world::time::{clip, format_micros, parse_micros};
+use crate::world::virtual_keys::Key;
 use crate::{Error, ErrorKind, Result};
 
 /// The version this library writes, and the newest it reads.

@@ -32,7 +32,7 @@ impl Mutant {
         match self {
             Self::SlotOffByOne => {
                 for (ring, slots) in rings(planner, plan) {
-                    slots.slot = slots.slot.map(|slot| (slot + 1) % ring.buckets());
+                    slots.slot = slots.slot.map(|slot| (slot + 1) % ring.slot_count());
                 }
             }
             Self::EvictedSlotVisible => {
@@ -43,7 +43,7 @@ impl Mutant {
             Self::BucketFloorForCeil => {
                 for (ring, slots) in rings(planner, plan) {
                     let bucket = clock / u64::from(ring.dilation());
-                    slots.visible[(bucket % ring.buckets() as u64) as usize] = false;
+                    slots.visible[(bucket % ring.slot_count() as u64) as usize] = false;
                 }
             }
             Self::RopeTimeOffByOne if plan.noise.is_some() => plan.rope_time += 1,

@@ -200,7 +200,7 @@ impl Tracer {
         for layer in 0..g.layers {
             let ring =
                 if g.is_global(layer) { self.rollout.planner().global() } else { self.rollout.planner().local() };
-            let shape = [1, g.kv_heads as usize, ring.buckets() * g.tokens as usize, g.head_width as usize];
+            let shape = [1, g.kv_heads as usize, ring.slot_count() * g.tokens as usize, g.head_width as usize];
             for (part, name) in [(KvPart::Keys, "k"), (KvPart::Values, "value")] {
                 let bytes = self.rollout.ring_bytes(layer, part)?;
                 self.tensors.device(format!("{q}.ring.{name}.{layer}"), &shape, self.precision, bytes);

@@ -4,7 +4,7 @@ use half::f16;
 
 /// Memory layout of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Texel {
+pub(crate) enum PixelFormat {
     /// Four bytes, red first.
     Rgba8,
     /// Four bytes, blue first.
@@ -18,7 +18,7 @@ pub(crate) enum Texel {
     Rg11B10F,
 }
 
-impl Texel {
+impl PixelFormat {
     /// Bytes of a pixel.
     pub(crate) fn bytes(self) -> usize {
         if self == Self::Rgba16F { 8 } else { 4 }
@@ -48,12 +48,12 @@ pub enum Colours {
 
 impl Colours {
     /// Whether `texel` can store this colour space.
-    pub(crate) fn fits(self, texel: Texel) -> bool {
+    pub(crate) fn fits(self, texel: PixelFormat) -> bool {
         match self {
             Self::Srgb => true,
-            Self::Linear => matches!(texel, Texel::Rgba16F | Texel::Rg11B10F),
-            Self::ScRgb { .. } => texel == Texel::Rgba16F,
-            Self::Hdr10 { .. } => texel == Texel::Rgb10A2,
+            Self::Linear => matches!(texel, PixelFormat::Rgba16F | PixelFormat::Rg11B10F),
+            Self::ScRgb { .. } => texel == PixelFormat::Rgba16F,
+            Self::Hdr10 { .. } => texel == PixelFormat::Rgb10A2,
         }
     }
 
@@ -71,8 +71,8 @@ impl Colours {
 pub(crate) const SCRGB_NITS: f64 = 80.0;
 
 /// Converts rows of RGBA8 pixels to another format.
-pub(crate) struct Encoder {
-    texel: Texel,
+pub(crate) struct PixelConverter {
+    texel: PixelFormat,
     /// Half-float value of each 8-bit level, of colour channels and of alpha; for float formats.
     halves: Option<[[f16; 256]; 2]>,
     pq: Option<Box<Pq>>,
@@ -86,11 +86,11 @@ struct Pq {
     steps: [f32; 1023],
 }
 
-impl Encoder {
-    /// An encoder for `texel`, which must be able to store `colours`.
-    pub(crate) fn new(texel: Texel, colours: Colours) -> Self {
-        let halves =
-            matches!(texel, Texel::Rgba16F | Texel::Rg11B10F).then(|| [halves(colours.linear_scale()), halves(None)]);
+impl PixelConverter {
+    /// An converter for `texel`, which must be able to store `colours`.
+    pub(crate) fn new(texel: PixelFormat, colours: Colours) -> Self {
+        let halves = matches!(texel, PixelFormat::Rgba16F | PixelFormat::Rg11B10F)
+            .then(|| [halves(colours.linear_scale()), halves(None)]);
         let pq = match colours {
             Colours::Hdr10 { white_nits } => Some(Box::new(Pq::new(white_nits))),
             _ => None,
@@ -102,18 +102,18 @@ impl Encoder {
     pub(crate) fn row(&self, from: &[u8], to: &mut [u8]) {
         assert_eq!(from.len() / 4 * self.texel.bytes(), to.len(), "as many pixels");
         match (self.texel, &self.halves) {
-            (Texel::Rgba16F, Some([colour, alpha])) => {
+            (PixelFormat::Rgba16F, Some([colour, alpha])) => {
                 for (c, (half, level)) in to.as_chunks_mut::<2>().0.iter_mut().zip(from).enumerate() {
                     *half = if c % 4 == 3 { alpha } else { colour }[usize::from(*level)].to_ne_bytes();
                 }
             }
-            (Texel::Rg11B10F, Some([colour, _])) => {
+            (PixelFormat::Rg11B10F, Some([colour, _])) => {
                 for (word, &[r, g, b, _]) in to.as_chunks_mut::<4>().0.iter_mut().zip(from.as_chunks::<4>().0) {
                     let [r, g, b] = [r, g, b].map(|level| colour[usize::from(level)]);
                     *word = (small_float(r, 6) | small_float(g, 6) << 11 | small_float(b, 5) << 22).to_ne_bytes();
                 }
             }
-            (Texel::Rgb10A2, _) => {
+            (PixelFormat::Rgb10A2, _) => {
                 for (word, &[r, g, b, a]) in to.as_chunks_mut::<4>().0.iter_mut().zip(from.as_chunks::<4>().0) {
                     let [r, g, b] = match &self.pq {
                         Some(pq) => pq.levels([r, g, b]),
@@ -124,7 +124,7 @@ impl Encoder {
             }
             (texel, _) => {
                 to.copy_from_slice(from);
-                if texel == Texel::Bgra8 {
+                if texel == PixelFormat::Bgra8 {
                     swap_red_and_blue(to);
                 }
             }
@@ -192,10 +192,10 @@ mod tests {
 
     #[test]
     fn ten_bits_are_the_nearest_of_each_level() {
-        let encoder = Encoder::new(Texel::Rgb10A2, Colours::Srgb);
+        let converter = PixelConverter::new(PixelFormat::Rgb10A2, Colours::Srgb);
         for level in 0..=255_u8 {
             let mut word = [0; 4];
-            encoder.row(&[level, 255 - level, 0, level], &mut word);
+            converter.row(&[level, 255 - level, 0, level], &mut word);
             let word = u32::from_ne_bytes(word);
             let exact = |level: u8, top: f64| (f64::from(level) / 255.0 * top).round() as u32;
             let expected = exact(level, 1023.0) | exact(255 - level, 1023.0) << 10 | exact(level, 3.0) << 30;
@@ -215,10 +215,10 @@ mod tests {
             }
         };
         for colours in [Colours::Srgb, Colours::Linear] {
-            let encoder = Encoder::new(Texel::Rg11B10F, colours);
+            let converter = PixelConverter::new(PixelFormat::Rg11B10F, colours);
             for level in 0..=255_u8 {
                 let mut word = [0; 4];
-                encoder.row(&[level, 255 - level, level, 7], &mut word);
+                converter.row(&[level, 255 - level, level, 7], &mut word);
                 let word = u32::from_ne_bytes(word);
                 let exact = |level: u8| {
                     let shown = f64::from(level) / 255.0;
@@ -239,7 +239,7 @@ mod tests {
     fn hdr10_has_the_numbers_of_its_curve_and_primaries() {
         let ten_bits = |colour: [u8; 3], white_nits: f32| {
             let mut word = [0; 4];
-            Encoder::new(Texel::Rgb10A2, Colours::Hdr10 { white_nits })
+            PixelConverter::new(PixelFormat::Rgb10A2, Colours::Hdr10 { white_nits })
                 .row(&[colour[0], colour[1], colour[2], 255], &mut word);
             let word = u32::from_ne_bytes(word);
             [word & 1023, word >> 10 & 1023, word >> 20 & 1023, word >> 30]

@@ -1,4 +1,4 @@
-//! Divides float16 products by weights into sums of fewer numbers, for providers that add float16 in float16.
+//! Split-K: divides float16 products by weights into sums of fewer numbers, for providers that add float16 in float16.
 //!
 //! The rounding error of a sum of K numbers grows with the square root of K. So the K rows of a matrix are divided into parts, all parts are
 //! multiplied as one batch, and their results are added: a sum of K / parts numbers, and one of `parts` numbers.
@@ -6,22 +6,22 @@
 use std::collections::HashMap;
 
 use super::check::opset;
-use super::model_writer::{ValueType, attribute, node, tensor};
+use super::model_writer::{attribute, node, tensor};
 use super::proto::{self, Graph, Node, ValueInfo};
 use super::shape_inference::{infer_sizes, tensor_shape};
 use super::wire::Fields;
 use super::writer::{reserved, with_graph, write_bytes, write_int};
-use super::{Check, Element, Fault, Shape, quoted};
+use super::{CheckResult, DataType, Fault, Shape, quoted};
 use crate::Result;
 
 /// Prefix of the names of additional values and constants. `cairn.build` makes no name that begins so.
 const PREFIX: &str = "cairn.sum";
 
 /// Fewest rows of a part. Shorter sums gain little: the errors of the other operators are as large.
-const LEAST_ROWS: u64 = 64;
+const MIN_ROWS: u64 = 64;
 
 /// A product that is divided.
-struct Product {
+struct SplitMatMul {
     /// Dimensions of the weights before their rows and columns; empty, or the batch.
     batch: Vec<u64>,
     parts: u64,
@@ -35,18 +35,18 @@ struct Product {
 /// A checked model in which float16 products by weights are divided into parts; `None` if there are none. `sizes` are the dimensions of its
 /// inputs and outputs, by name.
 ///
-/// A part has at least [`LEAST_ROWS`] rows, and twice as many as the activations have: then the results of the parts are no more numbers than
-/// the weights, which bounds the additional memory traffic.
+/// A part has at least [`MIN_ROWS`] rows, and at least twice as many as the activations: so writing and reading the results of the parts moves no
+/// more bytes than the weights.
 ///
 /// # Errors
-/// `InvalidBundle` for a model that does not pass the checks, or whose shapes do not follow from `sizes`.
-pub(crate) fn with_partial_sums(onnx: &[u8], sizes: &[(&str, &[usize])]) -> Result<Option<Vec<u8>>> {
+/// `InvalidBundle` for a model that does not pass the checks, or whose shapes do not follow from `sizes`; `OutOfMemory`.
+pub(crate) fn with_split_k(onnx: &[u8], sizes: &[(&str, &[usize])]) -> Result<Option<Vec<u8>>> {
     rewrite(onnx, sizes).map_err(Fault::error)
 }
 
-fn rewrite(onnx: &[u8], sizes: &[(&str, &[usize])]) -> Check<Option<Vec<u8>>> {
+fn rewrite(onnx: &[u8], sizes: &[(&str, &[usize])]) -> CheckResult<Option<Vec<u8>>> {
     let model = proto::model(onnx)?;
-    let weights = divisible_weights(&model.graph)?;
+    let weights = single_use_matmul_weights(&model.graph)?;
     if weights.is_empty() {
         return Ok(None);
     }
@@ -54,47 +54,47 @@ fn rewrite(onnx: &[u8], sizes: &[(&str, &[usize])]) -> Check<Option<Vec<u8>>> {
         let size = sizes.iter().find(|(name, _)| *name == value.name);
         let (name, size) = size.ok_or_else(|| Fault::new(format!("{} has no known size", quoted(value.name))))?;
         let dims = size.iter().map(|&n| n as u64).collect();
-        Ok((*name, Shape { element: Element::of(value.data_type)?, dims }))
+        Ok((*name, Shape { element: DataType::of(value.data_type)?, dims }))
     };
-    let inputs = model.graph.inputs.iter().map(named).collect::<Check<Vec<_>>>()?;
-    let outputs = model.graph.outputs.iter().map(named).collect::<Check<Vec<_>>>()?;
-    let mut products = Products::new();
+    let inputs = model.graph.inputs.iter().map(named).collect::<CheckResult<Vec<_>>>()?;
+    let outputs = model.graph.outputs.iter().map(named).collect::<CheckResult<Vec<_>>>()?;
+    let mut products = Splits::new();
     products.try_reserve(weights.len()).map_err(Fault::no_memory)?;
-    let mut reader = |node: &Node<'_>, shapes: &[Option<&Shape>], results: &[Shape]| {
+    let mut visitor = |node: &Node<'_>, shapes: &[Option<&Shape>], results: &[Shape]| {
         if let (true, [_, name], [Some(left), None], [result]) =
             (node.operator == "MatMul", &node.inputs[..], shapes, results)
-            && let Some((&name, (dims, _))) = weights.get_key_value::<str>(name)
-            && let Some(product) = Product::of(left, dims, result)
+            && let Some((&name, dims)) = weights.get_key_value::<str>(name)
+            && let Some(product) = SplitMatMul::of(left, dims, result)
         {
             // One node reads these weights.
             products.insert(name, product);
         }
     };
-    infer_sizes(&model.graph, opset(&model)?, &inputs, &outputs, &mut reader)?;
+    infer_sizes(&model.graph, opset(&model)?, &inputs, &outputs, &mut visitor)?;
     if products.is_empty() {
         return Ok(None);
     }
-    let divided = model.graph.nodes.iter().filter(|node| divided(&products, node).is_some());
-    let bytes = onnx.len() + divided.map(Node::replacement_bytes).sum::<usize>();
+    let split = model.graph.nodes.iter().filter(|node| split_of(&products, node).is_some());
+    let bytes = onnx.len() + split.map(Node::replacement_bytes).sum::<usize>();
     let rewrite =
         |fields: &[u8]| rewrite_graph(&model.graph, &products, Fields::new("the graph", fields), reserved(bytes)?);
     with_graph(onnx, bytes, rewrite).map(Some)
 }
 
 /// The products that are divided, by the names of their weights.
-type Products<'a> = HashMap<&'a str, Product>;
+type Splits<'a> = HashMap<&'a str, SplitMatMul>;
 
 /// How the product of a node is divided.
-fn divided<'p>(products: &'p Products<'_>, node: &Node<'_>) -> Option<&'p Product> {
+fn split_of<'p>(products: &'p Splits<'_>, node: &Node<'_>) -> Option<&'p SplitMatMul> {
     products.get(*node.inputs.get(1)?)
 }
 
-/// Dimensions of the float16 tensors that one product reads and nothing else, by name, with the number of their uses, which is 1.
-fn divisible_weights<'a>(graph: &Graph<'a>) -> Check<HashMap<&'a str, (Vec<u64>, u32)>> {
+/// Dimensions of the float16 initializers that are read once, as the right operand of a `MatMul`, by name.
+fn single_use_matmul_weights<'a>(graph: &Graph<'a>) -> CheckResult<HashMap<&'a str, Vec<u64>>> {
     let mut found = HashMap::new();
     found.try_reserve(graph.tensors.len()).map_err(Fault::no_memory)?;
     for tensor in &graph.tensors {
-        if Element::of(tensor.data_type)? == Element::F16 {
+        if DataType::of(tensor.data_type)? == DataType::F16 {
             found.insert(tensor.name, (tensor_shape(tensor)?.dims, 0_u32));
         }
     }
@@ -106,20 +106,19 @@ fn divisible_weights<'a>(graph: &Graph<'a>) -> Check<HashMap<&'a str, (Vec<u64>,
             }
         }
     }
-    found.retain(|_, (_, uses)| *uses == 1);
-    Ok(found)
+    Ok(found.into_iter().filter(|(_, (_, uses))| *uses == 1).map(|(name, (dims, _))| (name, dims)).collect())
 }
 
-impl Product {
+impl SplitMatMul {
     /// `None` for a product that needs no parts, or that has none of equal size.
     fn of(left: &Shape, weights: &[u64], result: &Shape) -> Option<Self> {
         let ([batch @ .., rows, columns], [leading @ .., _]) = (weights, &left.dims[..]) else { return None };
-        // A batch of weights multiplies one matrix.
-        if result.element != Element::F16 || batch.len() > 1 || (!batch.is_empty() && leading.len() > 1) {
+        // Batched weights are split only if the left operand is one matrix, and there is one dimension of batches.
+        if result.element != DataType::F16 || batch.len() > 1 || (!batch.is_empty() && leading.len() > 1) {
             return None;
         }
         let tokens: u64 = leading.iter().product();
-        let least = LEAST_ROWS.max(2 * tokens);
+        let least = MIN_ROWS.max(2 * tokens);
         let parts = (2..=rows / least).rev().find(|parts| rows.is_multiple_of(*parts))?;
         let result = result.dims.clone();
         Some(Self { batch: batch.to_vec(), parts, rows: rows / parts, columns: *columns, result })
@@ -130,11 +129,12 @@ impl Product {
         [&self.batch[..], &[self.parts, self.rows, self.columns]].concat()
     }
 
-    fn write(&self, graph: &mut Vec<u8>, i: usize, product: &Node<'_>) {
+    /// Writes the nodes and constants that replace `product`, node `i` of the graph.
+    fn write_nodes(&self, graph: &mut Vec<u8>, i: usize, product: &Node<'_>) {
         let name = |what: &str| format!("{PREFIX}.{i}.{what}");
         let mut integers = |what: &str, values: &[i64]| {
             let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-            write_bytes(graph, 5, &tensor(&name(what), ValueType::I64, &[values.len()], &bytes));
+            write_bytes(graph, 5, &tensor(&name(what), DataType::I64, &[values.len()], &bytes));
         };
         let is_matrix = self.result.len() == self.batch.len() + 2;
         integers("left.size", &[-1, self.parts.cast_signed(), self.rows.cast_signed()]);
@@ -143,13 +143,13 @@ impl Product {
             integers("size", &self.result.iter().map(|n| n.cast_signed()).collect::<Vec<_>>());
         }
         let sum = if is_matrix { product.outputs[0].to_owned() } else { name("rows") };
-        let [columns, left, parts] = ["columns", "left", "parts"].map(name);
+        let [left_parts, left, parts] = ["left.parts", "left", "parts"].map(name);
         let mut add = |operator: &str, inputs: &[&str], output: &str, attributes: &[Vec<u8>]| {
             write_bytes(graph, 1, &node(operator, output, inputs, &[output], attributes));
         };
         // From [.., tokens, K] to [parts, tokens, rows].
-        add("Reshape", &[product.inputs[0], &name("left.size")], &columns, &[]);
-        add("Transpose", &[&columns], &left, &[attribute("perm", &[1, 0, 2], true)]);
+        add("Reshape", &[product.inputs[0], &name("left.size")], &left_parts, &[]);
+        add("Transpose", &[&left_parts], &left, &[attribute("perm", &[1, 0, 2], true)]);
         add("MatMul", &[&left, product.inputs[1]], &parts, &[]);
         add("ReduceSum", &[&parts, &name("axis")], &sum, &[attribute("keepdims", &[0], false)]);
         if !is_matrix {
@@ -161,15 +161,15 @@ impl Product {
 /// Writes the graph into `written`.
 fn rewrite_graph(
     graph: &Graph<'_>,
-    products: &Products<'_>,
+    products: &Splits<'_>,
     mut fields: Fields<'_>,
     mut written: Vec<u8>,
-) -> Check<Vec<u8>> {
+) -> CheckResult<Vec<u8>> {
     let (mut nodes, mut tensors) = (graph.nodes.iter().enumerate(), graph.tensors.iter());
     while let Some(field) = fields.next()? {
         match field.number {
-            1 => match nodes.next().and_then(|(i, node)| Some((i, node, divided(products, node)?))) {
-                Some((i, node, product)) => product.write(&mut written, i, node),
+            1 => match nodes.next().and_then(|(i, node)| Some((i, node, split_of(products, node)?))) {
+                Some((i, node, product)) => product.write_nodes(&mut written, i, node),
                 None => field.write(&mut written),
             },
             5 => match tensors.next().and_then(|tensor| products.get(tensor.name)) {
@@ -186,7 +186,7 @@ fn rewrite_graph(
 }
 
 /// The same tensor with other dimensions.
-fn with_dims(mut fields: Fields<'_>, dims: &[u64]) -> Check<Vec<u8>> {
+fn with_dims(mut fields: Fields<'_>, dims: &[u64]) -> CheckResult<Vec<u8>> {
     let mut written = Vec::new();
     dims.iter().for_each(|&n| write_int(&mut written, 1, n));
     while let Some(field) = fields.next()? {
@@ -204,23 +204,23 @@ mod tests {
     use crate::bundle::{Bundle, GraphKind, OpenOptions, Precision};
 
     /// The shape of `x` times weights, as they are divided.
-    fn divided(left: &[u64], weights: &[u64], result: &[u64]) -> Option<Vec<u64>> {
-        let shape = |dims: &[u64]| Shape { element: Element::F16, dims: dims.to_vec() };
-        Some(Product::of(&shape(left), weights, &shape(result))?.weights())
+    fn weights_in_parts(left: &[u64], weights: &[u64], result: &[u64]) -> Option<Vec<u64>> {
+        let shape = |dims: &[u64]| Shape { element: DataType::F16, dims: dims.to_vec() };
+        Some(SplitMatMul::of(&shape(left), weights, &shape(result))?.weights())
     }
 
     #[test]
     fn parts_are_equal_and_their_results_are_no_more_than_the_weights() {
-        assert_eq!(divided(&[1, 32, 256], &[256, 512], &[1, 32, 512]), Some(vec![4, 64, 512]));
-        assert_eq!(divided(&[8, 256], &[6, 256, 256], &[6, 8, 256]), Some(vec![6, 4, 64, 256]));
-        assert_eq!(divided(&[1, 256, 2048], &[2048, 8192], &[1, 256, 8192]), Some(vec![4, 512, 8192]));
+        assert_eq!(weights_in_parts(&[1, 32, 256], &[256, 512], &[1, 32, 512]), Some(vec![4, 64, 512]));
+        assert_eq!(weights_in_parts(&[8, 256], &[6, 256, 256], &[6, 8, 256]), Some(vec![6, 4, 64, 256]));
+        assert_eq!(weights_in_parts(&[1, 256, 2048], &[2048, 8192], &[1, 256, 8192]), Some(vec![4, 512, 8192]));
         // 259 = 7 * 37.
-        assert_eq!(divided(&[1, 259], &[259, 1024], &[1, 1024]), None);
-        assert_eq!(divided(&[1, 2048, 2048], &[2048, 2048], &[1, 2048, 2048]), None);
+        assert_eq!(weights_in_parts(&[1, 259], &[259, 1024], &[1, 1024]), None);
+        assert_eq!(weights_in_parts(&[1, 2048, 2048], &[2048, 2048], &[1, 2048, 2048]), None);
         // A batch of matrices on both sides.
-        assert_eq!(divided(&[6, 8, 256], &[6, 256, 256], &[6, 8, 256]), None);
-        let wide = Shape { element: Element::F32, dims: vec![1, 4] };
-        assert!(Product::of(&Shape { element: Element::F32, dims: vec![1, 256] }, &[256, 4], &wide).is_none());
+        assert_eq!(weights_in_parts(&[6, 8, 256], &[6, 256, 256], &[6, 8, 256]), None);
+        let wide = Shape { element: DataType::F32, dims: vec![1, 4] };
+        assert!(SplitMatMul::of(&Shape { element: DataType::F32, dims: vec![1, 256] }, &[256, 4], &wide).is_none());
     }
 
     #[test]
@@ -229,7 +229,7 @@ mod tests {
         for precision in Precision::ALL {
             let onnx = bundle.model(GraphKind::Transformer, precision).unwrap().onnx;
             let before = proto::model(onnx).unwrap().graph;
-            // The window: a past of two frames.
+            // The window: a past of two latents.
             let tokens = bundle.manifest().geometry.tokens as usize;
             let size = |value: &ValueInfo<'_>| {
                 let dims = value.dims.iter().map(|dim| match dim {
@@ -241,7 +241,7 @@ mod tests {
             };
             let sizes: Vec<_> = before.inputs.iter().chain(&before.outputs).map(size).collect();
             let sizes: Vec<_> = sizes.iter().map(|(name, dims)| (name.as_str(), dims.as_slice())).collect();
-            let written = with_partial_sums(onnx, &sizes).unwrap();
+            let written = with_split_k(onnx, &sizes).unwrap();
             assert_eq!(written.is_some(), precision == Precision::F16);
             let Some(written) = written else { continue };
             let after = proto::model(&written).unwrap().graph;
@@ -271,7 +271,7 @@ mod tests {
     fn sizes_that_are_unknown_or_impossible_are_refused() {
         let bundle = Bundle::embedded(&OpenOptions::default()).unwrap();
         let onnx = bundle.model(GraphKind::Transformer, Precision::F16).unwrap().onnx;
-        let refused = with_partial_sums(onnx, &[]).unwrap_err();
+        let refused = with_split_k(onnx, &[]).unwrap_err();
         assert_eq!(refused.kind(), ErrorKind::InvalidBundle);
         assert!(refused.cause().contains("no known size"), "{refused}");
     }
