@@ -83,8 +83,8 @@ fn onnx_runtimes_operators_are_read_in_the_forms_of_the_format() {
     check(&[
         ("a gain of another width", TRANSFORMER, |m| add_norm(m, 4, vec![]), "with a gain [4]"),
         ("a norm over more axes", TRANSFORMER, |m| add_norm(m, 8, vec![int("axis", 2)]), "normalises axis 2"),
-        ("an endless epsilon", TRANSFORMER, |m| add_norm(m, 8, vec![float("epsilon", f32::NAN)]), "epsilon"),
-        ("more outputs of a norm", TRANSFORMER, |m| add_norm(m, 8, vec![int("stash_type", 1)]), "attribute"),
+        ("a NaN epsilon", TRANSFORMER, |m| add_norm(m, 8, vec![float("epsilon", f32::NAN)]), "epsilon"),
+        ("a norm with a stash_type", TRANSFORMER, |m| add_norm(m, 8, vec![int("stash_type", 1)]), "attribute"),
         ("a table of more tokens", TRANSFORMER, |m| add_rotation(m, 0, &[2, 2], vec![]), "by a table [2, 2]"),
         ("a table of another rank", TRANSFORMER, |m| add_rotation(m, 0, &[4], vec![]), "by a table [4]"),
         ("a rotation behind the table", TRANSFORMER, |m| add_rotation(m, 1, &[1, 4], vec![]), "position 0"),
@@ -99,7 +99,7 @@ fn onnx_runtimes_operators_are_read_in_the_forms_of_the_format() {
             "input 1",
         ),
         (
-            "keys that are not turned",
+            "keys that are not transposed",
             TRANSFORMER,
             |m| {
                 add_scores(m, Some(contrib().0));
@@ -117,7 +117,7 @@ fn onnx_runtimes_operators_are_read_in_the_forms_of_the_format() {
             "transB 2",
         ),
         (
-            "an endless factor",
+            "an infinite factor",
             TRANSFORMER,
             |m| {
                 add_scores(m, Some(contrib().0));
@@ -230,7 +230,6 @@ fn malformed_protobuf_is_refused() {
             "more than",
         ),
         ("a rank of 1000", ENCODER, |m| m.tensor("conv").dims = vec![1; 1000], "more than"),
-        ("a model of 9 MiB", ENCODER, |m| more(m, &message().bytes(6, vec![b' '; 9 << 20]).0), "bytes"),
         ("100,000 nodes", ENCODER, |m| m.nodes = vec![node("Relu", &["a"], &["b"], vec![]); 100_000], "more than"),
         ("100,000 initializers", ENCODER, |m| m.tensors = vec![inside_ints("n", &[1]); 100_000], "more than"),
     ]);
@@ -239,6 +238,23 @@ fn malformed_protobuf_is_refused() {
     let mut toy = ToyBundle::new();
     toy.model(DECODER).more_graph = deep;
     refusal("deep nesting", Bundle::from_memory(toy.files()));
+}
+
+/// Adds nodes that have documentation of the greatest length, 64 KiB.
+fn add_documented_nodes(m: &mut Model, count: usize) {
+    for i in 0..count {
+        let mut documented = node("Tanh", &["rgb"], &[&format!("added.{i}")], vec![]);
+        documented.more = message().bytes(6, vec![b' '; 1 << 16]);
+        m.nodes.push(documented);
+    }
+}
+
+#[test]
+fn models_of_more_than_8_mib_are_refused() {
+    let mut toy = ToyBundle::new();
+    add_documented_nodes(toy.model(ENCODER), 127);
+    Bundle::from_memory(toy.files()).expect("a model of less than 8 MiB");
+    check(&[("128 nodes of more than 64 KiB", ENCODER, |m| add_documented_nodes(m, 128), "at most 8388608 are read")]);
 }
 
 #[test]
@@ -306,7 +322,7 @@ fn shapes_must_be_consistent() {
             "without a name",
         ),
         ("nodes out of order", TRANSFORMER, |m| m.nodes.reverse(), "before it is made"),
-        ("a circle", TRANSFORMER, |m| m.node("MatMul").inputs[0] = "row.1".into(), "before it is made"),
+        ("a cycle", TRANSFORMER, |m| m.node("MatMul").inputs[0] = "row.1".into(), "before it is made"),
         ("too few inputs", TRANSFORMER, |m| drop(m.node("MatMul").inputs.pop()), "inputs"),
         ("too many inputs", TRANSFORMER, |m| m.node("Softmax").inputs.push("x".into()), "inputs"),
         ("a hole in the inputs", TRANSFORMER, |m| m.node("MatMul").inputs[0].clear(), "inputs"),

@@ -5,7 +5,7 @@ use std::ffi::c_void;
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::{GUID, HRESULT, Interface};
 
-use super::hooks::{self, Inside, caller, hooks};
+use super::hooks::{self, HookGuard, caller, hooks};
 use super::queue::{allocators, fences, queues};
 use super::resource::Start;
 use super::{Calls, barriers, faults, list, report, resource, views};
@@ -22,7 +22,7 @@ use crate::timeline::Id;
 /// A live device.
 pub(super) unsafe fn record(device: *mut c_void) {
     // The calls made here are not the program's.
-    let _inside = Inside::enter();
+    let _guard = HookGuard::enter();
     // SAFETY: the caller's promise; the tables are those of all devices.
     unsafe {
         let borrowed = ID3D12Device::from_raw_borrowed(&device).expect("a device");

@@ -13,7 +13,7 @@ use windows::Win32::Graphics::Direct3D12::{
 use windows::Win32::Graphics::Dxgi::DXGI_ERROR_DEVICE_REMOVED;
 use windows::core::{HRESULT, Interface};
 
-use super::hooks::{Inside, call_site, replace};
+use super::hooks::{HookGuard, call_site, replace};
 use super::report;
 
 /// Whether calls are counted, and fail when it is their turn.
@@ -25,10 +25,10 @@ static FAILING: AtomicU64 = AtomicU64::new(0);
 /// Whether all later calls fail too, because the device is removed.
 static IS_REMOVAL: AtomicBool = AtomicBool::new(false);
 
-/// Places in the program of the calls so far, while none is to fail.
+/// Call sites (hashes of the call stack) so far, while none is to fail.
 static SITES: Mutex<Vec<u64>> = Mutex::new(Vec::new());
 
-/// Places in the program of the calls that were counted since [`fail`], if none was to fail.
+/// Call sites (hashes of the call stack) of the calls that were counted since [`fail`], if none was to fail.
 pub(super) fn sites() -> Vec<u64> {
     SITES.lock().clone()
 }
@@ -142,7 +142,7 @@ static REASON: OnceLock<unsafe extern "system" fn(*mut c_void) -> HRESULT> = Onc
 
 /// `ID3D12Device::GetDeviceRemovedReason`, which names the removal that is simulated. It cannot fail.
 unsafe extern "system" fn removed_reason(this: *mut c_void) -> HRESULT {
-    let _inside = Inside::enter();
+    let _guard = HookGuard::enter();
     if enter_removal() {
         return DXGI_ERROR_DEVICE_REMOVED;
     }

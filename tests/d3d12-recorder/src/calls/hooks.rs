@@ -59,16 +59,16 @@ thread_local! {
 }
 
 /// While it lives, this thread is in a hook: calls that Direct3D makes to itself are not the program's.
-pub(super) struct Inside(());
+pub(super) struct HookGuard(());
 
-impl Inside {
+impl HookGuard {
     /// `None` if the thread is in a hook already.
     pub(super) fn enter() -> Option<Self> {
         (!IS_INSIDE.replace(true)).then(|| Self(()))
     }
 }
 
-impl Drop for Inside {
+impl Drop for HookGuard {
     fn drop(&mut self) {
         IS_INSIDE.set(false);
     }
@@ -107,8 +107,8 @@ macro_rules! hooks {
             use super::*;
             $(pub(super) unsafe extern "system" fn $name($this: *mut c_void $(, $argument: $kind)*) $(-> $result)? {
                 let $original = *originals::$name.get().expect("the original function");
-                match $crate::calls::hooks::Inside::enter() {
-                    Some(_inside) => {
+                match $crate::calls::hooks::HookGuard::enter() {
+                    Some(_guard) => {
                         if let Some(failure) = $crate::calls::faults::Outcome::injected(stringify!($name)) {
                             return failure;
                         }

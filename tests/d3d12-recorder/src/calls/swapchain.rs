@@ -8,7 +8,7 @@ use windows::Win32::Graphics::Direct3D12::ID3D12Resource;
 use windows::Win32::Graphics::Dxgi::*;
 use windows::core::{HRESULT, IUnknown_Vtbl, Interface};
 
-use super::hooks::{self, Inside, caller};
+use super::hooks::{self, HookGuard, caller};
 use super::{Calls, is_reporting, report};
 use crate::timeline::Id;
 
@@ -26,7 +26,7 @@ pub(super) struct SwapChain {
 pub(super) unsafe fn record_factories(adapter: *mut c_void) {
     static DONE: OnceLock<()> = OnceLock::new();
     DONE.get_or_init(|| {
-        let _inside = Inside::enter();
+        let _guard = HookGuard::enter();
         // SAFETY: the caller's promise; nothing is released.
         let adapter = unsafe { windows::core::IUnknown::from_raw_borrowed(&adapter) };
         let adapter = adapter.and_then(|adapter| adapter.cast::<IDXGIAdapter>().ok());
