@@ -134,7 +134,7 @@ pub struct AutoencoderShapes {
     /// `[channels, height, width]` of each decoder memory.
     pub memories: Vec<[u32; 3]>,
     /// `[channels, height, width]` of each encoder memory. Empty if the encoder's graph has no memory inputs; each clip then starts at zero.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, deserialize_with = "non_empty", skip_serializing_if = "Vec::is_empty")]
     pub encoder_memories: Vec<[u32; 3]>,
 }
 
@@ -201,6 +201,12 @@ pub struct Graphs {
     /// Computes in float16: for DirectML.
     #[serde(default, deserialize_with = "non_null", skip_serializing_if = "Option::is_none")]
     pub f16: Option<GraphFiles>,
+}
+
+/// A list that may be missing, but not empty.
+fn non_empty<'de, T: Deserialize<'de>, D: serde::Deserializer<'de>>(value: D) -> Result<Vec<T>, D::Error> {
+    let list = Vec::deserialize(value)?;
+    if list.is_empty() { Err(serde::de::Error::custom("an empty list: leave it out")) } else { Ok(list) }
 }
 
 /// A member that may be missing, but not null.

@@ -479,7 +479,12 @@ fn reduce_mean(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
         (false, Some(axes), true) => axes.to_vec(),
         _ => return Err(call.fault("has no axes where its opset has them")),
     };
-    let keep = call.int("keepdims").unwrap_or(1) != 0;
+    // ONNX Runtime keeps the axes only for 1 and drops them for any other number.
+    let keep = match call.int("keepdims").unwrap_or(1) {
+        0 => false,
+        1 => true,
+        other => return Err(call.fault(format!("has keepdims {other}, it must be 0 or 1"))),
+    };
     let mut reduced = vec![false; x.dims.len()];
     for axis in axes {
         reduced[call.axis(axis, x.dims.len())?] = true;
@@ -540,8 +545,8 @@ fn resize(call: &Call<'_>) -> CheckResult<Vec<Shape>> {
     let mut dims = Vec::with_capacity(scales.len());
     for (&bytes, &size) in scales.iter().zip(&x.dims) {
         let scale = f32::from_le_bytes(bytes);
-        // Exact for every size below the value limit: sizes along one axis are far below 2^24, or refused later.
-        let scaled = (size as f64 * f64::from(scale)).floor();
+        // In float32, as ONNX's shape inference and ONNX Runtime have it: 10 * 0.7 is 7.
+        let scaled = (size as f32 * scale).floor();
         if !(scale > 0.0 && scale <= 2.0) || scaled < 1.0 {
             return Err(call.fault(format!("has the scale {scale}, it must be above 0 and at most 2")));
         }

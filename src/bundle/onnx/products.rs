@@ -1,12 +1,16 @@
-//! Rewrites the products of attention for providers without `FusedMatMul`.
+//! Rewrites fused products for providers without `FusedMatMul`.
+
+use std::collections::HashMap;
 
 use half::f16;
 
+use super::check::opset;
 use super::model_writer::{attribute, node, tensor};
-use super::proto::{self, Attribute, Graph, Node};
+use super::proto::{self, Attribute, Graph, Model, Node};
+use super::shape_inference::{infer_sizes, named_shapes};
 use super::wire::Fields;
 use super::writer::{reserved, with_graph, write_bytes};
-use super::{CheckResult, DataType, Fault, quoted};
+use super::{CheckResult, DataType, Fault, Shape, quoted};
 use crate::Result;
 
 /// Prefix of the names of additional values and constants. `cairn.build` makes no name that begins so.
@@ -14,46 +18,76 @@ const PREFIX: &str = "cairn.product";
 const FUSED: &str = "FusedMatMul";
 
 /// A checked model with each `FusedMatMul` as three operators that every provider has: the first input times `alpha`, the second one
-/// transposed, and `MatMul`. `None` if it has none.
+/// transposed, and `MatMul`. `None` if it has none. Products of constants stay: a session computes them when it is made. `sizes` are the
+/// dimensions of the model's inputs and outputs, by name.
 ///
 /// # Errors
-/// `InvalidBundle` for a model that does not pass the checks.
-pub(crate) fn without_fused_products(onnx: &[u8]) -> Result<Option<Vec<u8>>> {
-    rewrite(onnx).map_err(Fault::error)
+/// `InvalidBundle` for a model that does not pass the checks, or whose shapes do not follow from `sizes`; `OutOfMemory`.
+pub(crate) fn without_fused_products(onnx: &[u8], sizes: &[(&str, &[usize])]) -> Result<Option<Vec<u8>>> {
+    rewrite(onnx, sizes).map_err(Fault::error)
 }
 
-fn rewrite(onnx: &[u8]) -> CheckResult<Option<Vec<u8>>> {
-    let graph = proto::model(onnx)?.graph;
+/// Type and number of dimensions of a product's inputs.
+struct Operands {
+    element: DataType,
+    /// Of the second input.
+    rank: usize,
+}
+
+/// The fused products of values, by the names of their results.
+type Fused<'a> = HashMap<&'a str, Operands>;
+
+fn rewrite(onnx: &[u8], sizes: &[(&str, &[usize])]) -> CheckResult<Option<Vec<u8>>> {
+    let model = proto::model(onnx)?;
+    let graph = &model.graph;
     if !graph.nodes.iter().any(|node| node.operator == FUSED) {
         return Ok(None);
     }
+    let fused = fused_products(&model, sizes)?;
     let added: usize = graph.nodes.iter().filter(|node| node.operator == FUSED).map(Node::replacement_bytes).sum();
     let bytes = onnx.len() + added;
-    let rewrite = |fields: &[u8]| rewrite_graph(&graph, Fields::new("the graph", fields), reserved(bytes)?);
+    let rewrite = |fields: &[u8]| rewrite_graph(graph, &fused, Fields::new("the graph", fields), reserved(bytes)?);
     with_graph(onnx, bytes, rewrite).map(Some)
 }
 
+/// Finds the fused products of which an input is no constant.
+fn fused_products<'a>(model: &'a Model<'a>, sizes: &[(&str, &[usize])]) -> CheckResult<Fused<'a>> {
+    let graph = &model.graph;
+    let (inputs, outputs) = (named_shapes(&graph.inputs, sizes)?, named_shapes(&graph.outputs, sizes)?);
+    let mut fused = Fused::new();
+    fused.try_reserve(graph.nodes.len()).map_err(Fault::no_memory)?;
+    let rank_of_constant = |name: &str| graph.tensors.iter().find(|t| t.name == name).map(|tensor| tensor.dims.len());
+    let mut visitor = |node: &'a Node<'a>, shapes: &[Option<&Shape>], results: &[Shape]| {
+        if node.operator == FUSED
+            && let ([_, right], [_, shape], [result]) = (&node.inputs[..], shapes, results)
+            && let Some(rank) = shape.map(|shape| shape.dims.len()).or_else(|| rank_of_constant(right))
+        {
+            fused.insert(node.outputs[0], Operands { element: result.element, rank });
+        }
+    };
+    infer_sizes(graph, opset(model)?, &inputs, &outputs, &mut visitor)?;
+    Ok(fused)
+}
+
 /// Writes the graph into `written`.
-fn rewrite_graph(graph: &Graph<'_>, mut fields: Fields<'_>, mut written: Vec<u8>) -> CheckResult<Vec<u8>> {
-    let element = key_element(graph)?;
+fn rewrite_graph(
+    graph: &Graph<'_>,
+    fused: &Fused<'_>,
+    mut fields: Fields<'_>,
+    mut written: Vec<u8>,
+) -> CheckResult<Vec<u8>> {
     let mut nodes = graph.nodes.iter().enumerate();
     while let Some(field) = fields.next()? {
-        match (field.number == 1).then(|| nodes.next()).flatten() {
-            Some((i, node)) if node.operator == FUSED => write_product(&mut written, i, node, element)?,
+        let node = (field.number == 1).then(|| nodes.next()).flatten();
+        match node.and_then(|(i, node)| Some((i, node, fused.get(*node.outputs.first()?)?))) {
+            Some((i, node, operands)) => write_product(&mut written, i, node, operands)?,
             _ => field.write(&mut written),
         }
     }
     Ok(written)
 }
 
-/// The type of both inputs: queries and keys are multiplied in the type that keys are stored in.
-fn key_element(graph: &Graph<'_>) -> CheckResult<DataType> {
-    let past = graph.inputs.iter().find(|input| input.name.starts_with("past."));
-    let past = past.ok_or_else(|| Fault::new(format!("{FUSED} is used, and no input holds keys")))?;
-    DataType::of(past.data_type)
-}
-
-fn write_product(graph: &mut Vec<u8>, i: usize, fused: &Node<'_>, element: DataType) -> CheckResult<()> {
+fn write_product(graph: &mut Vec<u8>, i: usize, fused: &Node<'_>, operands: &Operands) -> CheckResult<()> {
     let (mut alpha, mut is_transposed) = (1.0, false);
     for (name, value) in &fused.attributes {
         match (*name, value) {
@@ -68,7 +102,7 @@ fn write_product(graph: &mut Vec<u8>, i: usize, fused: &Node<'_>, element: DataT
         match alpha == 1.0 {
             true => left,
             false => {
-                let (element, bytes) = match element {
+                let (element, bytes) = match operands.element {
                     DataType::F16 => (DataType::F16, f16::from_f32(alpha).to_le_bytes().to_vec()),
                     _ => (DataType::F32, alpha.to_le_bytes().to_vec()),
                 };
@@ -80,8 +114,9 @@ fn write_product(graph: &mut Vec<u8>, i: usize, fused: &Node<'_>, element: DataT
         match is_transposed {
             false => right,
             true => {
-                // Attention's matrices have four dimensions: batch, heads, rows and columns.
-                let order = [attribute("perm", &[0, 1, 3, 2], true)];
+                let mut axes: Vec<i64> = (0..operands.rank as i64).collect();
+                axes[operands.rank - 2..].reverse();
+                let order = [attribute("perm", &axes, true)];
                 write_bytes(graph, 1, &node("Transpose", &transposed, &[right], &[&transposed], &order));
                 &transposed
             }
@@ -93,6 +128,9 @@ fn write_product(graph: &mut Vec<u8>, i: usize, fused: &Node<'_>, element: DataT
 
 #[cfg(test)]
 mod tests {
+    use super::super::model_writer::value_info;
+    use super::super::split_k::tests::sizes_of;
+    use super::super::writer::write_int;
     use super::*;
     use crate::bundle::{Bundle, GraphKind, OpenOptions, Precision};
 
@@ -102,7 +140,9 @@ mod tests {
         for precision in Precision::ALL {
             let onnx = bundle.model(GraphKind::Transformer, precision).unwrap().onnx;
             let before = proto::model(onnx).unwrap().graph;
-            let written = without_fused_products(onnx).unwrap().expect("products");
+            let sizes = sizes_of(&before, bundle.manifest().geometry.tokens as usize);
+            let sizes: Vec<_> = sizes.iter().map(|(name, dims)| (name.as_str(), dims.as_slice())).collect();
+            let written = without_fused_products(onnx, &sizes).unwrap().expect("products");
             let after = proto::model(&written).unwrap().graph;
             let fused = before.nodes.iter().filter(|node| node.operator == FUSED).count();
             assert!(fused > 0 && after.nodes.iter().all(|node| node.operator != FUSED));
@@ -112,7 +152,50 @@ mod tests {
                 |graph: &Graph<'_>| graph.nodes.iter().map(|node| node.outputs[0].to_owned()).collect::<Vec<_>>();
             let kept: Vec<_> = outputs(&after).into_iter().filter(|name| !name.starts_with(PREFIX)).collect();
             assert_eq!(kept, outputs(&before), "{precision:?}");
-            assert_eq!(without_fused_products(&written).unwrap(), None);
+            assert_eq!(without_fused_products(&written, &sizes).unwrap(), None);
         }
+    }
+
+    #[test]
+    fn products_of_any_rank_and_type_are_rewritten() {
+        for (element, rank) in [(DataType::F32, 2), (DataType::F16, 3)] {
+            let dims = |rows, columns| [&[1; 2][..rank - 2], &[rows, columns]].concat();
+            let (mut graph, mut onnx) = (Vec::new(), Vec::new());
+            let attributes = [attribute("transB", &[1], false), alpha(0.5)];
+            let mut product = node(FUSED, "y", &["x", "w"], &["y"], &attributes);
+            write_bytes(&mut product, 7, proto::CONTRIB.as_bytes());
+            write_bytes(&mut graph, 1, &product);
+            write_bytes(&mut graph, 5, &tensor("w", element, &dims(4, 3), &vec![0; 12 * element.bytes() as usize]));
+            write_bytes(&mut graph, 11, &value_info("x", element, &dims(2, 3)));
+            write_bytes(&mut graph, 12, &value_info("y", element, &dims(2, 4)));
+            write_int(&mut onnx, 1, 8);
+            write_bytes(&mut onnx, 7, &graph);
+            for (domain, version) in [("", 17), (proto::CONTRIB, 1)] {
+                let mut opset = Vec::new();
+                write_bytes(&mut opset, 1, domain.as_bytes());
+                write_int(&mut opset, 2, version);
+                write_bytes(&mut onnx, 8, &opset);
+            }
+            let sizes = [("x", dims(2, 3)), ("y", dims(2, 4))];
+            let sizes = sizes.each_ref().map(|(name, dims)| (*name, dims.as_slice()));
+            let written = without_fused_products(&onnx, &sizes).unwrap().expect("a product");
+            let after = proto::model(&written).unwrap().graph;
+            assert_eq!(
+                after.nodes.iter().map(|node| node.operator).collect::<Vec<_>>(),
+                ["Mul", "Transpose", "MatMul"]
+            );
+            let axes: &[i64] = if rank == 2 { &[1, 0] } else { &[0, 2, 1] };
+            assert!(matches!(&after.nodes[1].attributes[..], [("perm", Attribute::Ints(found))] if found == axes));
+            let factor = after.tensors.iter().find(|tensor| tensor.name.starts_with(PREFIX)).unwrap();
+            assert_eq!(factor.data_type, element as i64);
+        }
+    }
+
+    fn alpha(value: f32) -> Vec<u8> {
+        let mut attribute = Vec::new();
+        write_bytes(&mut attribute, 1, b"alpha");
+        attribute.extend([2 << 3 | 5].into_iter().chain(value.to_le_bytes()));
+        write_int(&mut attribute, 20, 1);
+        attribute
     }
 }

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 
 use super::blocks::Unpacked;
 use super::operators::{Call, NBITS, Operand, infer};
-use super::proto::{Data, Dim, Graph, Node, Tensor};
+use super::proto::{Data, Dim, Graph, Node, Tensor, ValueInfo};
 use super::{CheckResult, DataType, Fault, Shape, quoted};
 use crate::bundle::cost::GraphCost;
 
@@ -64,6 +64,20 @@ pub(super) type Named<'a> = [(&'a str, Shape)];
 
 /// Gets each node that runs, in order, with the shapes of its inputs, `None` for a constant, and of its outputs.
 pub(super) type NodeVisitor<'r, 'a> = &'r mut dyn FnMut(&'a Node<'a>, &[Option<&Shape>], &[Shape]);
+
+/// Names and shapes of inputs or outputs, whose dimensions `sizes` has by name.
+pub(super) fn named_shapes<'a>(
+    values: &[ValueInfo<'a>],
+    sizes: &[(&str, &[usize])],
+) -> CheckResult<Vec<(&'a str, Shape)>> {
+    let shape = |value: &ValueInfo<'a>| {
+        let size = sizes.iter().find(|(name, _)| *name == value.name);
+        let (_, size) = size.ok_or_else(|| Fault::new(format!("{} has no known size", quoted(value.name))))?;
+        let dims = size.iter().map(|&n| n as u64).collect();
+        Ok((value.name, Shape { element: DataType::of(value.data_type)?, dims }))
+    };
+    values.iter().map(shape).collect()
+}
 
 /// Infers all sizes of `graph` from the shapes of `inputs`, and checks that its outputs have the shapes of `outputs`.
 pub(super) fn infer_sizes<'a>(

@@ -7,11 +7,11 @@ use std::collections::HashMap;
 
 use super::check::opset;
 use super::model_writer::{attribute, node, tensor};
-use super::proto::{self, Graph, Node, ValueInfo};
-use super::shape_inference::{infer_sizes, tensor_shape};
+use super::proto::{self, Graph, Node};
+use super::shape_inference::{infer_sizes, named_shapes, tensor_shape};
 use super::wire::Fields;
 use super::writer::{reserved, with_graph, write_bytes, write_int};
-use super::{CheckResult, DataType, Fault, Shape, quoted};
+use super::{CheckResult, DataType, Fault, Shape};
 use crate::Result;
 
 /// Prefix of the names of additional values and constants. `cairn.build` makes no name that begins so.
@@ -50,14 +50,8 @@ fn rewrite(onnx: &[u8], sizes: &[(&str, &[usize])]) -> CheckResult<Option<Vec<u8
     if weights.is_empty() {
         return Ok(None);
     }
-    let named = |value: &ValueInfo<'_>| {
-        let size = sizes.iter().find(|(name, _)| *name == value.name);
-        let (name, size) = size.ok_or_else(|| Fault::new(format!("{} has no known size", quoted(value.name))))?;
-        let dims = size.iter().map(|&n| n as u64).collect();
-        Ok((*name, Shape { element: DataType::of(value.data_type)?, dims }))
-    };
-    let inputs = model.graph.inputs.iter().map(named).collect::<CheckResult<Vec<_>>>()?;
-    let outputs = model.graph.outputs.iter().map(named).collect::<CheckResult<Vec<_>>>()?;
+    let [inputs, outputs] = [&model.graph.inputs, &model.graph.outputs].map(|values| named_shapes(values, sizes));
+    let (inputs, outputs) = (inputs?, outputs?);
     let mut products = Splits::new();
     products.try_reserve(weights.len()).map_err(Fault::no_memory)?;
     let mut visitor = |node: &Node<'_>, shapes: &[Option<&Shape>], results: &[Shape]| {
@@ -198,7 +192,8 @@ fn with_dims(mut fields: Fields<'_>, dims: &[u64]) -> CheckResult<Vec<u8>> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
+    use super::super::proto::ValueInfo;
     use super::*;
     use crate::ErrorKind;
     use crate::bundle::{Bundle, GraphKind, OpenOptions, Precision};
@@ -223,23 +218,26 @@ mod tests {
         assert!(SplitMatMul::of(&Shape { element: DataType::F32, dims: vec![1, 256] }, &[256, 4], &wide).is_none());
     }
 
+    /// Sizes of a transformer's inputs and outputs with a past of two latents.
+    pub(in super::super) fn sizes_of(graph: &Graph<'_>, tokens: usize) -> Vec<(String, Vec<usize>)> {
+        let size = |value: &ValueInfo<'_>| {
+            let dims = value.dims.iter().map(|dim| match dim {
+                proto::Dim::Number(n) => usize::try_from(*n).unwrap(),
+                proto::Dim::Symbol(name) => tokens * if name.ends_with("keys") { 3 } else { 2 },
+                proto::Dim::Unknown => panic!("{}", value.name),
+            });
+            (value.name.to_owned(), dims.collect())
+        };
+        graph.inputs.iter().chain(&graph.outputs).map(size).collect()
+    }
+
     #[test]
     fn the_embedded_worlds_products_are_divided_and_all_else_is_kept() {
         let bundle = Bundle::embedded(&OpenOptions::default()).unwrap();
         for precision in Precision::ALL {
             let onnx = bundle.model(GraphKind::Transformer, precision).unwrap().onnx;
             let before = proto::model(onnx).unwrap().graph;
-            // The window: a past of two latents.
-            let tokens = bundle.manifest().geometry.tokens as usize;
-            let size = |value: &ValueInfo<'_>| {
-                let dims = value.dims.iter().map(|dim| match dim {
-                    proto::Dim::Number(n) => usize::try_from(*n).unwrap(),
-                    proto::Dim::Symbol(name) => tokens * if name.ends_with("keys") { 3 } else { 2 },
-                    proto::Dim::Unknown => panic!("{}", value.name),
-                });
-                (value.name.to_owned(), dims.collect::<Vec<_>>())
-            };
-            let sizes: Vec<_> = before.inputs.iter().chain(&before.outputs).map(size).collect();
+            let sizes = sizes_of(&before, bundle.manifest().geometry.tokens as usize);
             let sizes: Vec<_> = sizes.iter().map(|(name, dims)| (name.as_str(), dims.as_slice())).collect();
             let written = with_split_k(onnx, &sizes).unwrap();
             assert_eq!(written.is_some(), precision == Precision::F16);

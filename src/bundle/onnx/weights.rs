@@ -1,5 +1,7 @@
 //! Rewrites a model so that its large weights are inputs. The caller can then supply their memory, which the runtime would own otherwise.
 
+use std::collections::{HashMap, HashSet};
+
 use super::model_writer::value_info;
 use super::operators::NBITS;
 use super::proto::{self, Data, Graph};
@@ -41,15 +43,12 @@ fn rewrite<'a>(model: &ModelSource<'a>) -> CheckResult<(Vec<u8>, Vec<Weight<'a>>
 }
 
 fn weights<'a>(graph: &Graph<'a>, model: &ModelSource<'a>) -> CheckResult<Vec<Weight<'a>>> {
-    let is_multiplied = |name: &str| {
-        let mut users = graph.nodes.iter().filter(|node| node.inputs.contains(&name));
-        users.all(|node| matches!(node.operator, "MatMul" | "Gemm" | "Conv" | NBITS))
-    };
+    let multiplied = multiplied_constants(graph)?;
     let mut weights = Vec::new();
     for tensor in &graph.tensors {
         let Data::External { location, offset, length } = tensor.data else { continue };
         let element = DataType::of(tensor.data_type)?;
-        if length < SMALLEST || !matches!(element, DataType::F16 | DataType::U8) || !is_multiplied(tensor.name) {
+        if length < SMALLEST || !matches!(element, DataType::F16 | DataType::U8) || !multiplied.contains(tensor.name) {
             continue;
         }
         let file = model.external.iter().find(|(name, _)| *name == location);
@@ -62,6 +61,27 @@ fn weights<'a>(graph: &Graph<'a>, model: &ModelSource<'a>) -> CheckResult<Vec<We
         weights.push(Weight { name: tensor.name, is_integer: element == DataType::U8, shape, bytes });
     }
     Ok(weights)
+}
+
+/// Names of the initializers that products of values read, and nothing else. What only folded nodes read, or no node, is not among them.
+fn multiplied_constants<'a>(graph: &Graph<'a>) -> CheckResult<HashSet<&'a str>> {
+    let (mut constants, mut multiplied) = (HashSet::new(), HashMap::new());
+    constants.try_reserve(graph.tensors.len() + graph.nodes.len()).map_err(Fault::no_memory)?;
+    multiplied.try_reserve(graph.tensors.len()).map_err(Fault::no_memory)?;
+    constants.extend(graph.tensors.iter().map(|tensor| tensor.name));
+    for node in &graph.nodes {
+        let is_folded = node.inputs.iter().all(|input| input.is_empty() || constants.contains(input));
+        if is_folded {
+            constants.extend(node.outputs.iter().copied());
+        }
+        let is_product = !is_folded && matches!(node.operator, "MatMul" | "Gemm" | "Conv" | NBITS);
+        for input in &node.inputs {
+            if constants.contains(input) {
+                *multiplied.entry(*input).or_insert(true) &= is_product;
+            }
+        }
+    }
+    Ok(multiplied.into_iter().filter(|(_, is_product)| *is_product).map(|(name, _)| name).collect())
 }
 
 fn graph_without(weights: &[Weight<'_>], mut fields: Fields<'_>) -> CheckResult<Vec<u8>> {
@@ -132,7 +152,9 @@ mod tests {
             ("Conv", ["a", "small"], "b"),
             ("MatMul", ["b", "shared"], "c"),
             ("Add", ["c", "shared"], "d"),
-            ("Conv", ["d", "filter"], "y"),
+            ("Conv", ["d", "filter"], "e"),
+            ("MatMul", ["folded", "small"], "constant"),
+            ("Add", ["e", "constant"], "y"),
         ] {
             write_bytes(&mut graph, 1, &node(operator, inputs, output));
         }
@@ -148,9 +170,15 @@ mod tests {
 
     #[test]
     fn large_weights_that_are_only_multiplied_become_inputs() {
-        let constants = [initializer("small", &[1, 16383], 0), initializer("shared", &[256, 128], 0)];
+        // Of the four, one is small, one is also read by another operator, one only by a folded node, and one by none.
+        let constants = [
+            initializer("small", &[1, 16383], 0),
+            initializer("shared", &[256, 128], 0),
+            initializer("folded", &[128, 256], 0),
+            initializer("unused", &[256, 128], 0),
+        ];
         let moved = [initializer("large", &[256, 128], 4), initializer("filter", &[1, 4, 64, 64], 2)];
-        let onnx = model(&[moved[0].clone(), constants[0].clone(), constants[1].clone(), moved[1].clone()]);
+        let onnx = model(&[&moved[..1], &constants, &moved[1..]].concat());
         let file: Vec<u8> = (0..70_000_u32).map(|i| (i % 251) as u8).collect();
         let source = ModelSource { onnx: &onnx, external: vec![("other.bin", &[]), ("weights.bin", &file)] };
         let (written, weights) = weights_as_inputs(&source).unwrap();
@@ -161,8 +189,11 @@ mod tests {
 
         // The rest is unchanged, with the weights after the inputs.
         let graph = proto::model(&written).unwrap().graph;
-        assert_eq!(graph.nodes.len(), 5);
-        assert_eq!(graph.tensors.iter().map(|tensor| tensor.name).collect::<Vec<_>>(), ["small", "shared"]);
+        assert_eq!(graph.nodes.len(), 7);
+        assert_eq!(
+            graph.tensors.iter().map(|tensor| tensor.name).collect::<Vec<_>>(),
+            ["small", "shared", "folded", "unused"]
+        );
         let inputs: Vec<_> = graph.inputs.iter().map(|value| (value.name, value.data_type, value.dims.len())).collect();
         assert_eq!(inputs, [("x", 10, 2), ("large", 10, 2), ("filter", 10, 4)]);
         assert_eq!(graph.inputs[2].dims, [1, 4, 64, 64].map(proto::Dim::Number));

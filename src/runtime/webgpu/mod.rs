@@ -158,10 +158,10 @@ impl Backend for WebGpuBackend {
         }
         let sizes: Vec<_> =
             inputs.iter().chain(&outputs).map(|spec| (spec.name.as_str(), spec.shape.as_slice())).collect();
-        let divided = with_split_k(model.onnx, &sizes)?;
-        let onnx = divided.as_deref().unwrap_or(model.onnx);
-        let rewritten = without_fused_products(onnx)?;
-        let model = ModelSource { onnx: rewritten.as_deref().unwrap_or(onnx), external: model.external.clone() };
+        let rewritten = without_fused_products(model.onnx, &sizes)?;
+        let onnx = rewritten.as_deref().unwrap_or(model.onnx);
+        let split = with_split_k(onnx, &sizes)?;
+        let model = ModelSource { onnx: split.as_deref().unwrap_or(onnx), external: model.external.clone() };
         let builder = make("prepare a session", || self.session(dimensions))?;
         let graph = adapter_errors::call_provider(|| {
             let graph = Graph::commit(builder, what, &model, inputs, &[], outputs)?;
