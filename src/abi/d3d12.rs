@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::anchor::{cairn_anchor, check_index};
 use super::boundary::call;
 use super::device::{DeviceOptions, cairn_device, cairn_device_options};
-use super::handles::{enter, enter_exclusive, insert};
+use super::handles::{enter, enter_exclusive, in_use, insert};
 use super::presenter::{cairn_frame, cairn_presenter, to_c_frame};
 use super::results::{CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result};
 use super::rollout::{cairn_rollout, cairn_step_info, step_info};
@@ -201,7 +201,7 @@ pub unsafe extern "C" fn cairn_rollout_append_d3d12(
         check_not_null(picture, "picture")?;
         // SAFETY: the host's promise about `info`.
         let info = unsafe { Out::optional(info, "info") }?;
-        let device = running.lock_between_steps()?.rollout.world().device().clone();
+        let device = running.lock_between_steps(running.is_nested())?.rollout.world().device().clone();
         // SAFETY: the host's promise about its objects.
         let picture = unsafe { backend::read(&device, picture.cast(), state) }?;
         let made = running.run(&Job::Append(vec![picture]))?;
@@ -335,6 +335,10 @@ pub unsafe extern "C" fn cairn_presenter_prepare_d3d12(
 ) -> cairn_result {
     call("cairn_presenter_prepare_d3d12", || {
         let object = enter(presenter)?;
+        if object.is_nested() {
+            // Replacing what was prepared waits for the frame whose callback this is.
+            return Err(in_use());
+        }
         let device = enter(device)?;
         // SAFETY: the host's promise about `preparation`.
         let preparation = unsafe { read(preparation, "preparation") }?;

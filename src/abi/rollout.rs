@@ -177,7 +177,7 @@ pub unsafe extern "C" fn cairn_rollout_get_info(
         let worker = enter(rollout)?;
         // SAFETY: the host's promise about `info`.
         let info = unsafe { Out::new(info, "info") }?;
-        let core = worker.lock_between_steps()?;
+        let core = worker.lock_between_steps(worker.is_nested())?;
         let (point, planner) = (core.rollout.operating_point(), core.rollout.planner());
         info.write(&cairn_rollout_info {
             struct_size: 0,
@@ -384,7 +384,7 @@ pub unsafe extern "C" fn cairn_rollout_get_anchor(
     call("cairn_rollout_get_anchor", || {
         let worker = enter(rollout)?;
         check_out(anchor, "anchor")?;
-        let copy = worker.lock_between_steps()?.anchor()?;
+        let copy = worker.lock_between_steps(worker.is_nested())?.anchor()?;
         let handle = insert::<cairn_anchor>(copy)?;
         // SAFETY: checked above; writable by the host's promise.
         unsafe { anchor.write(handle) };

@@ -44,7 +44,7 @@ pub unsafe extern "C" fn cairn_rollout_save(
     call("cairn_rollout_save", || {
         let worker = enter(rollout)?;
         check_out(size, "size")?;
-        let core = worker.lock_between_steps()?;
+        let core = worker.lock_between_steps(worker.is_nested())?;
         let len = core.rollout.state_len()?;
         if !bytes.is_null() || capacity > 0 {
             if capacity < len {
@@ -75,7 +75,7 @@ pub unsafe extern "C" fn cairn_rollout_save_file(rollout: *const cairn_rollout, 
         let worker = enter(rollout)?;
         // SAFETY: the host's promise about `path`.
         let path = Path::new(unsafe { required_text(path, "path") }?);
-        let state = worker.lock_between_steps()?.rollout.save()?;
+        let state = worker.lock_between_steps(worker.is_nested())?.rollout.save()?;
         write_atomically(path, &state)?;
         Ok(CAIRN_OK)
     })

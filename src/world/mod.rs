@@ -61,5 +61,5 @@ pub use script::{
 pub use statistics::{Stage, Stages, Statistics, StepInfo};
 pub use time::{MAX_SECONDS, WorldTime};
 pub use virtual_keys::{Key, KeySet};
-pub use worker::{Job, QueuedRollout, StepResult, TicketState, Worker, WorkerStatistics};
+pub use worker::{Job, QueuedRollout, ReadGuard, StepResult, TicketState, Worker, WorkerStatistics};
 pub use world::{World, WorldOptions};

@@ -1,6 +1,8 @@
 //! A rollout with a queue of steps, which run in order, one at a time, on the caller's thread or on a worker thread.
 
 use std::collections::VecDeque;
+use std::mem::ManuallyDrop;
+use std::ops::{Deref, DerefMut};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 use std::thread::{JoinHandle, ThreadId};
@@ -74,6 +76,35 @@ pub struct QueuedRollout {
     pub next_is_cut: bool,
 }
 
+/// A rollout between its steps, locked for a call that only reads it.
+pub struct ReadGuard<'a> {
+    rollout: ManuallyDrop<MutexGuard<'a, QueuedRollout>>,
+    shared: &'a Shared,
+}
+
+impl Deref for ReadGuard<'_> {
+    type Target = QueuedRollout;
+
+    fn deref(&self) -> &QueuedRollout {
+        &self.rollout
+    }
+}
+
+impl DerefMut for ReadGuard<'_> {
+    fn deref_mut(&mut self) -> &mut QueuedRollout {
+        &mut self.rollout
+    }
+}
+
+impl Drop for ReadGuard<'_> {
+    fn drop(&mut self) {
+        // SAFETY: dropped once, here, and not used afterwards.
+        unsafe { ManuallyDrop::drop(&mut self.rollout) };
+        self.shared.queue.lock().readers -= 1;
+        self.shared.changed.notify_all();
+    }
+}
+
 /// Waiting and running steps, and results that nobody has fetched.
 #[derive(Default)]
 struct Queue {
@@ -86,6 +117,10 @@ struct Queue {
     rest_requested: bool,
     /// Number of steps that may run although the queue is paused.
     single_steps: usize,
+    /// Steps with tickets up to this one were cancelled.
+    cancelled_up_to: u64,
+    /// Number of calls that read the rollout between steps, or evict its memory: others of them wait.
+    readers: usize,
     closing: bool,
 }
 
@@ -171,15 +206,29 @@ impl Worker {
         Ok(rollout)
     }
 
-    /// Locks the rollout for a call that only reads it. Returns `Busy` while a step runs.
-    pub fn lock_between_steps(&self) -> Result<MutexGuard<'_, QueuedRollout>> {
+    /// Locks the rollout for a call that only reads it, after waiting for other such calls. Returns `Busy` while a step runs, and instead of
+    /// waiting if `is_nested`: on a thread inside another call on the rollout.
+    pub fn lock_between_steps(&self, is_nested: bool) -> Result<ReadGuard<'_>> {
         self.shared.check()?;
-        self.shared.rollout.try_lock().ok_or_else(|| busy("a step is running"))
+        let mut queue = self.shared.queue.lock();
+        loop {
+            if let Some(rollout) = self.shared.rollout.try_lock() {
+                queue.readers += 1;
+                return Ok(ReadGuard { rollout: ManuallyDrop::new(rollout), shared: &self.shared });
+            }
+            if is_nested || queue.readers == 0 {
+                return Err(busy("a step is running"));
+            }
+            self.shared.changed.wait(&mut queue);
+        }
     }
 
     /// Runs one step on the caller's own thread.
     pub fn run(&self, job: &Job) -> Result<StepInfo> {
         let mut rollout = self.lock_idle()?;
+        if matches!(job, Job::Step(_)) {
+            rollout.rollout.apply_decision();
+        }
         let result = rollout.run(job);
         rollout.publish_statistics(&self.shared.statistics);
         result
@@ -251,6 +300,7 @@ impl Worker {
     pub fn cancel(&self) {
         let mut queue = self.shared.queue.lock();
         self.shared.stop.store(true, Ordering::SeqCst);
+        queue.cancelled_up_to = queue.tickets;
         queue.cancel_waiting("it was cancelled");
         self.shared.changed.notify_all();
     }
@@ -321,9 +371,10 @@ impl Worker {
 }
 
 impl QueuedRollout {
+    /// Runs a job. The caller has applied the governor's decision.
     fn run(&mut self, job: &Job) -> Result<StepInfo> {
         let (info, appended) = match job {
-            Job::Step(controls) => (self.rollout.step(controls)?, false),
+            Job::Step(controls) => (self.rollout.step_as_decided(controls)?, false),
             Job::Append(pictures) => (self.rollout.append_pictures(pictures)?, true),
         };
         self.last_is_cut = appended || self.next_is_cut;
@@ -375,6 +426,8 @@ impl Shared {
             let result: Result<StepResult> = catch_panic(|| {
                 let mut queued = self.rollout.lock();
                 let queued = &mut *queued;
+                // Only now: until here a step on another thread may have run, which its cancellation must still stop.
+                self.clear_stop(ticket);
                 // Done first: a move to another world replaces the context that the anchor's memory belongs to.
                 queued.rollout.apply_decision();
                 // Allocated before the step: otherwise the step could succeed and its anchor still fail for want of memory.
@@ -399,6 +452,12 @@ impl Shared {
         }
     }
 
+    /// Clears the stop flag for the step with this ticket, unless it was cancelled or the worker is closed.
+    fn clear_stop(&self, ticket: u64) {
+        let queue = self.queue.lock();
+        self.stop.store(queue.closing || ticket <= queue.cancelled_up_to, Ordering::SeqCst);
+    }
+
     fn next(&self) -> Option<(u64, Job)> {
         let mut queue = self.queue.lock();
         loop {
@@ -410,11 +469,13 @@ impl Shared {
                 queue.single_steps = queue.single_steps.saturating_sub(1);
                 queue.rest_requested = false;
                 queue.running = Some(ticket);
-                self.stop.store(false, Ordering::SeqCst);
                 return Some((ticket, job));
             }
             if std::mem::take(&mut queue.rest_requested) {
+                queue.readers += 1;
                 MutexGuard::unlocked(&mut queue, || self.rest());
+                queue.readers -= 1;
+                self.changed.notify_all();
                 continue;
             }
             self.changed.wait(&mut queue);

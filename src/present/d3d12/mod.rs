@@ -93,6 +93,8 @@ pub struct RendererStatistics {
 /// Threads: any; one frame at a time, while another thread may prepare.
 pub struct Renderer {
     options: RendererOptions,
+    /// Held while what was prepared before is destroyed. Locked before `state`.
+    replacing: Mutex<()>,
     state: Mutex<State>,
     /// Locked by the preparing thread. Keeps AMD's libraries loaded, so it must be dropped after everything that uses them.
     amd: Mutex<Amd>,
@@ -160,7 +162,7 @@ struct CpuRenderer {
 impl Renderer {
     /// Creates a renderer without a preparation.
     pub fn new(options: RendererOptions) -> Self {
-        Self { options, state: Mutex::default(), amd: Mutex::default() }
+        Self { options, replacing: Mutex::default(), state: Mutex::default(), amd: Mutex::default() }
     }
 
     /// Creates all resources for frames and uses them from then on; `false` if the size of the anchors is unknown, from anchors or `options`. May
@@ -200,6 +202,8 @@ impl Renderer {
 
     /// Replaces the preparation and drops the one before, without blocking recording; returns whether there was one.
     fn replace(&self, prepared: Option<Prepared>) -> bool {
+        // Until the earlier frames have released their targets: `release` must not return before.
+        let _replacing = self.replacing.lock();
         let mut state = self.state.lock();
         let Some(before) = std::mem::replace(&mut state.prepared, prepared) else { return false };
         match before.path {
@@ -262,6 +266,7 @@ impl Renderer {
     /// # Errors
     /// `DeviceRemoved`.
     pub fn release(&self) -> Result<()> {
+        let _replacing = self.replacing.lock();
         let mut state = self.state.lock();
         let State { prepared, anchors, retired_uploads, retired, .. } = &mut *state;
         let mut uploads: Vec<&mut Uploads> = retired_uploads.iter_mut().collect();

@@ -492,6 +492,8 @@ impl ExecutionContext for DirectMlContext {
         let region = Region { to: 0, from: at, len: into.len() };
         let fence_point = {
             let mut recorder = self.recorder.lock();
+            // First, because a list that cannot be submitted stays open, and this one refers to a buffer of this call.
+            recorder.reserve()?;
             recorder.copy(readback.resource(), &buffer.resource, std::iter::once(region))?;
             recorder.submit_and_signal()?
         };

@@ -219,6 +219,11 @@ impl Recorder {
         self.prepare()
     }
 
+    /// Opens the other list, so that the recorded commands can be submitted without an allocation.
+    pub(super) fn reserve(&mut self) -> Result<()> {
+        self.prepare()
+    }
+
     /// Submits closed lists, whose work `interval` measures, and after them the recorded commands: all or nothing.
     pub(super) fn submit_after(
         &mut self,

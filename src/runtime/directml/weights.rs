@@ -77,11 +77,13 @@ impl Weights {
 
     /// Releases the weights for one holder, and evicts them with the last. No submitted work of this holder may use them any more.
     pub(super) fn release(&self, gpu: &Gpu) {
-        let mut residency = self.residency.lock();
-        residency.holders -= 1;
-        if residency.holders == 0
-            && let Err(e) = residency.set.evict(gpu)
-        {
+        let evicted = {
+            let mut residency = self.residency.lock();
+            residency.holders -= 1;
+            if residency.holders == 0 { residency.set.evict(gpu) } else { Ok(()) }
+        };
+        // Logged without the lock: the host's callback may use the weights.
+        if let Err(e) = evicted {
             // They stay resident, and nothing else changes.
             log::warn!("weights are not evicted: {e}");
         }

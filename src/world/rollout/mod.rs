@@ -160,6 +160,11 @@ impl Rollout {
     /// As [`append`](Self::append).
     pub fn step(&mut self, input: &ControlInput) -> Result<StepInfo> {
         self.apply_decision();
+        self.step_as_decided(input)
+    }
+
+    /// As [`step`](Self::step), without applying its governor's decision, which may replace the context that memory belongs to.
+    pub(super) fn step_as_decided(&mut self, input: &ControlInput) -> Result<StepInfo> {
         let start = self.start_latent();
         let info = self.with_plan(|planner, plan| planner.plan_step_into(input, plan), Self::execute)?;
         self.finish_latent(&start);
