@@ -463,7 +463,9 @@ namespace Cairn
             return state;
         }
 
-        /// <summary>The state by a function of the library. Its size may change between two calls, if a queued step ends and there is a budget.</summary>
+        /// <summary>
+        /// The state, by a function of the library. Its size may change between two calls, if a queued step ends and there is a budget.
+        /// </summary>
         internal static byte[] SavedBy(Native.rollout_save_function save, IntPtr rollout)
         {
             const int MostTries = 9;
