@@ -109,9 +109,10 @@ namespace Cairn
             protected override bool ReleaseHandle()
             {
                 if (Interlocked.Exchange(ref done, 1) != 0) return true;
+                int result = destroy(handle);
                 LiveHandles.Remove(handle);
                 // A failure cannot be reported here.
-                return destroy(handle) >= 0;
+                return result >= 0;
             }
         }
     }

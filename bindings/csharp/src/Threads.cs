@@ -1,5 +1,6 @@
 using System;
 using System.Runtime.InteropServices;
+using System.Threading;
 
 namespace Cairn
 {
@@ -101,11 +102,12 @@ namespace Cairn
             lock (Changing)
             {
                 if (!current.IsAllocated) return;
-                int result;
-                // Another thread may have made an object meanwhile.
-                do result = Library.C.set_scheduler(null);
-                while (result == (int)Result.Busy && LiveHandles.DestroyAll());
-                if (result >= 0) return;
+                for (int attempt = 0; attempt < 100; attempt++)
+                {
+                    if (Library.C.set_scheduler(null) != (int)Result.Busy) return;
+                    // If there are none, another thread may be destroying the last one.
+                    if (!LiveHandles.DestroyAll()) Thread.Sleep(10);
+                }
                 Console.Error.WriteLine(
                     "Cairn: the library keeps a job runner of unloaded code and will crash when it calls it, because objects that were made "
                     + "without this assembly are still open. Destroy them before scripts are reloaded.");
