@@ -21,7 +21,7 @@ use sha2::{Digest, Sha256};
 use crate::cli::DistOptions;
 use crate::workspace::Workspace;
 
-pub(crate) use contents::TERMS;
+pub(crate) use contents::{DIRECTML_TERMS, TERMS};
 use dependencies::Part;
 pub(crate) use library::{Source, exports};
 use sbom::Classification;

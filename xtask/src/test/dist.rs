@@ -70,6 +70,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     for root in [&windows, &slim] {
         tally.check(unity(root)?);
         tally.check(without_terms(root)?);
+        tally.check(directml_without_terms(root)?);
     }
     for root in [&windows, &slim, &linux] {
         tally.check(missing_files(root)?);
@@ -322,6 +323,24 @@ fn without_terms(root: &Path) -> Result<Option<String>, String> {
     Ok((!missing.is_empty()).then(|| format!("not the archive's own: {missing:?}")))
 }
 
+/// Copies of `DirectML.dll` that have another version than the page of its terms, or are without that page. ONNX Runtime's licence is beside them.
+fn directml_without_terms(root: &Path) -> Result<Option<String>, String> {
+    let mut wrong = Vec::new();
+    let copies = files(root)?.into_iter().filter(|file| file.ends_with("DirectML.dll"));
+    let version: Vec<u8> =
+        format!("{}+", provision::DIRECTML_VERSION).encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let licence = format!("nuget.org/packages/Microsoft.AI.DirectML/{}/License", provision::DIRECTML_VERSION);
+    for copy in copies {
+        let bytes = fs::read(&copy).map_err(|e| format!("{}: {e}", copy.display()))?;
+        let page = fs::read_to_string(copy.with_file_name(dist::DIRECTML_TERMS)).unwrap_or_default();
+        let is_that_version = bytes.windows(version.len()).any(|part| part == version);
+        if !is_that_version || !page.contains(&licence) {
+            wrong.push(copy);
+        }
+    }
+    Ok((!wrong.is_empty()).then(|| format!("not with the terms of their version: {wrong:?}")))
+}
+
 /// Folders and tools for building hosts.
 struct HostBuilds<'a> {
     context: &'a Context<'a>,
@@ -472,4 +491,30 @@ fn rust_lld() -> Result<Option<PathBuf>, String> {
     let host = format!("lib/rustlib/{}-unknown-linux-gnu/bin/rust-lld", std::env::consts::ARCH);
     let program = Path::new(sysroot.trim()).join(host);
     Ok(program.is_file().then_some(program))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directml_without_the_terms_of_its_version_is_found() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("runtime");
+        fs::create_dir(&folder).unwrap();
+        let library = |version: &str| {
+            let text: Vec<u8> =
+                format!("ProductVersion {version}+2").encode_utf16().flat_map(u16::to_le_bytes).collect();
+            fs::write(folder.join("DirectML.dll"), text).unwrap();
+        };
+        assert_eq!(directml_without_terms(root.path()), Ok(None));
+        library(provision::DIRECTML_VERSION);
+        assert!(directml_without_terms(root.path()).unwrap().is_some());
+        let licence =
+            format!("https://www.nuget.org/packages/Microsoft.AI.DirectML/{}/License", provision::DIRECTML_VERSION);
+        fs::write(folder.join(dist::DIRECTML_TERMS), licence).unwrap();
+        assert_eq!(directml_without_terms(root.path()), Ok(None));
+        library("1.15.2");
+        assert!(directml_without_terms(root.path()).unwrap().is_some());
+    }
 }
