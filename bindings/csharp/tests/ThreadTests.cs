@@ -39,7 +39,7 @@ namespace Cairn.Tests
             byte[] own = PresenterTests.HalfWay();
             AppDomain domain = AppDomain.CreateDomain("scripts");
             var scripts = (Scripts)domain.CreateInstanceAndUnwrap(typeof(Scripts).Assembly.FullName, typeof(Scripts).FullName);
-            Expect.True(scripts.Play() > 0, "the domain's runner was not asked");
+            Expect.True(scripts.Play(Library.Path) > 0, "the domain's runner was not asked");
             AppDomain.Unload(domain);
             // A runner of the unloaded domain would be called here, which ends the process.
             Expect.Same(own, PresenterTests.HalfWay(), "a frame after the unloading");
@@ -52,8 +52,10 @@ namespace Cairn.Tests
             private static Anchor open;
 
             /// <summary>Sets a runner, and leaves an open object and one that is garbage. Returns how often the runner was asked.</summary>
-            public int Play()
+            /// <param name="library">The library of the process, which the new domain would search for again.</param>
+            public int Play(string library)
             {
+                Library.Load(library);
                 var asked = 0;
                 Threads.UseJobs((jobs, job) => { Interlocked.Increment(ref asked); job(); }, 3);
                 PresenterTests.HalfWay();
