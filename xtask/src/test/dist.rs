@@ -86,6 +86,12 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     for file in ["lib/libcairn.so", "debug/libcairn.so.debug", "bin/cairn-check"] {
         tally.check(build_specific_text(&linux.join(file))?);
     }
+    for library in [linux.join("lib/libcairn.so"), context.workspace.target.join("debug/libcairn.so")] {
+        let bytes = fs::read(&library).map_err(|e| format!("{}: {e}", library.display()))?;
+        let name = dist::soname(&bytes)?;
+        let wrong = name.as_deref() != Some("libcairn.so");
+        tally.check(wrong.then(|| format!("{} is named {name:?} for programs", library.display())));
+    }
     let unity = "unity/com.cairn.unity/Plugins/x86_64/cairn_unity.dll";
     for file in ["bin/cairn.dll", "debug/cairn.dll.debug", "bin/cairn-check.exe", unity] {
         tally.check(build_specific_text(&windows.join(file))?);
@@ -395,6 +401,8 @@ impl HostBuilds<'_> {
         let named = refused.output.contains("CairnConfig.cmake, version: 0.1");
         tally.test((refused.success || !named).then(|| "a later version is found where this one is".to_owned()));
 
+        self.with_library_beside(log, root, cc, tally)?;
+
         if tools::on_path("pkg-config").is_none() {
             let reason = "needs pkg-config: apt install pkg-config";
             tally.skips.push(Skip { name: "the archive by pkg-config".into(), reason: reason.into() });
@@ -409,6 +417,30 @@ impl HostBuilds<'_> {
         command.env("PKG_CONFIG_PATH", root.join("lib").join("pkgconfig"));
         let right = log.run(&mut command)?.success && log.run(&mut Command::new(&program))?.success;
         tally.test((!right).then(|| "pkg-config does not lead to the library".to_owned()));
+        Ok(())
+    }
+
+    /// As `docs/troubleshooting.md` says: a program with the library beside it starts with `$ORIGIN` as its run path, and not without. It is linked
+    /// with the library's path, which a library without a `DT_SONAME` would make the program depend on.
+    fn with_library_beside(&self, log: &mut Log, root: &Path, cc: &Path, tally: &mut Tally) -> Result<(), String> {
+        let folder = self.work.join("beside");
+        let source = self.write("beside", "game.c", HOST)?;
+        let library = folder.join("libcairn.so");
+        fs::copy(root.join("lib/libcairn.so"), &library).map_err(|e| format!("{}: {e}", library.display()))?;
+        let moved = folder.join("elsewhere");
+        fs::create_dir_all(&moved).map_err(|e| format!("{}: {e}", moved.display()))?;
+        for (name, flags, starts) in [("game", &["-Wl,-rpath,$ORIGIN"][..], true), ("game-without", &[], false)] {
+            let mut command = Command::new(cc);
+            command.arg("-std=c11").arg("-I").arg(root.join("include")).arg(&source).arg(&library);
+            let linked = log.run(command.args(flags).arg("-o").arg(folder.join(name)))?.success;
+            // Both move to a folder in which the program was not linked.
+            for file in [name, "libcairn.so"] {
+                fs::copy(folder.join(file), moved.join(file)).map_err(|e| format!("{file}: {e}"))?;
+            }
+            let started = log.run(Command::new(moved.join(name)).env_remove("LD_LIBRARY_PATH"))?.success;
+            let wrong = !linked || started != starts;
+            tally.test(wrong.then(|| format!("{name} with libcairn.so beside it: linked {linked}, started {started}")));
+        }
         Ok(())
     }
 
