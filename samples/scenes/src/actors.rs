@@ -4,11 +4,11 @@ use glam::{Mat3, Vec3};
 
 use crate::animation::{body, bone};
 use crate::material::Material;
-use crate::mesh::{Mesh, Surface};
+use crate::mesh::{Mesh, TriangleMaterial};
 use crate::noise::Rng;
 
-fn surface(material: Material, rng: &mut Rng) -> Surface {
-    Surface { material, variant: (rng.bits() & 255) as u8 }
+fn surface(material: Material, rng: &mut Rng) -> TriangleMaterial {
+    TriangleMaterial { material, variant: (rng.bits() & 255) as u8 }
 }
 
 /// A mesh whose vertices belong to bones.
@@ -27,14 +27,14 @@ impl Skin {
 }
 
 /// An ellipsoid.
-fn blob(mesh: &mut Mesh, at: Vec3, radii: Vec3, surface: Surface) {
+fn blob(mesh: &mut Mesh, at: Vec3, radii: Vec3, surface: TriangleMaterial) {
     let mut ball = Mesh::default();
     ball.ball(8, 0.0, 1.0, 1, surface);
     mesh.add_instance(&ball, at, Mat3::IDENTITY, radii);
 }
 
 /// A limb that hangs down `length` metres from the origin, rounded at both joints.
-fn limb(mesh: &mut Mesh, length: f32, radii: [f32; 3], surface: Surface) {
+fn limb(mesh: &mut Mesh, length: f32, radii: [f32; 3], surface: TriangleMaterial) {
     let [top, middle, low] = radii;
     let spine = [
         (Vec3::Y * top * 0.75, top * 0.55),
@@ -52,7 +52,7 @@ pub(crate) fn figure(scale: f32, lantern: bool, rng: &mut Rng) -> Skin {
     let mut skin = Skin::default();
     let (coat, trousers) = (surface(Material::Cloth, rng), surface(Material::Cloth, rng));
     let (face, hair) = (surface(Material::Skin, rng), surface(Material::Hair, rng));
-    let shoe = Surface { material: Material::Leather, variant: 20 };
+    let shoe = TriangleMaterial { material: Material::Leather, variant: 20 };
     let build = rng.range(0.92, 1.12);
     skin.add(bone::PELVIS, |m| {
         let spine = [(-0.10, 0.10), (-0.04, 0.145), (0.06, 0.15), (0.16, 0.135)];
@@ -86,11 +86,11 @@ pub(crate) fn figure(scale: f32, lantern: bool, rng: &mut Rng) -> Skin {
     }
     if lantern {
         skin.add(bone::LANTERN, |m| {
-            let iron = Surface { material: Material::Leather, variant: 5 };
+            let iron = TriangleMaterial { material: Material::Leather, variant: 5 };
             m.tube(&[(Vec3::ZERO, 0.008), (-Vec3::Y * 0.12, 0.008)], 5, 0.0, 1, iron);
             m.block(Vec3::new(-0.07, -0.14, -0.07), Vec3::new(0.07, -0.12, 0.07), iron);
             m.block(Vec3::new(-0.07, -0.36, -0.07), Vec3::new(0.07, -0.34, 0.07), iron);
-            let glow = Surface { material: Material::Glow, variant: 0 };
+            let glow = TriangleMaterial { material: Material::Glow, variant: 0 };
             m.block(Vec3::new(-0.052, -0.34, -0.052), Vec3::new(0.052, -0.14, 0.052), glow);
         });
     }
@@ -101,7 +101,7 @@ pub(crate) fn figure(scale: f32, lantern: bool, rng: &mut Rng) -> Skin {
 pub(crate) fn bird(scale: f32, rng: &mut Rng) -> Skin {
     let mut skin = Skin::default();
     let plumage = surface(Material::Feather, rng);
-    let beak = Surface { material: Material::Accent, variant: 1 };
+    let beak = TriangleMaterial { material: Material::Accent, variant: 1 };
     skin.add(0, |m| {
         blob(m, Vec3::ZERO, Vec3::new(0.075, 0.075, 0.20), plumage);
         blob(m, Vec3::new(0.0, 0.035, 0.2), Vec3::splat(0.055), plumage);
@@ -136,7 +136,7 @@ pub(crate) fn ball(radius: f32, rng: &mut Rng) -> Mesh {
 /// A wooden box with battens around its edges, of `half` metres half side, its centre at the origin.
 pub(crate) fn crate_box(half: f32, rng: &mut Rng) -> Mesh {
     let mut mesh = Mesh::default();
-    let (planks, battens) = (surface(Material::Wood, rng), Surface { material: Material::Paint, variant: 7 });
+    let (planks, battens) = (surface(Material::Wood, rng), TriangleMaterial { material: Material::Paint, variant: 7 });
     mesh.block(Vec3::splat(-half * 0.94), Vec3::splat(half * 0.94), planks);
     let (h, w) = (half, half * 0.2);
     for a in [-1.0, 1.0] {

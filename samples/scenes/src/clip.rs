@@ -43,7 +43,7 @@ impl Default for ClipOptions {
     }
 }
 
-/// What is done to the frames of a clip besides rendering them.
+/// Post-processing of a clip's frames.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Effects {
     /// Camera cuts, cross-fades, fades and flashes.
@@ -121,10 +121,10 @@ pub struct Clip<'a> {
     /// One shot, or two during a cross-fade: the incoming one last.
     shots: Vec<Shot>,
     /// Time of the current cross-fade.
-    mixture: Range<f64>,
+    cross_fade: Range<f64>,
     histories: BTreeMap<u32, TemporalAntiAliasing>,
     /// Steps per second.
-    pace: u32,
+    steps_per_second: u32,
     steps: u64,
     /// Number of the next frame.
     number: u64,
@@ -144,7 +144,7 @@ impl<'a> Clip<'a> {
         options: ClipOptions,
         mut effects: Effects,
     ) -> Option<Self> {
-        let pace = (1..=MAX_RATE).contains(&options.rate).then(|| common_multiple(STEPS, options.rate))?;
+        let steps_per_second = (1..=MAX_RATE).contains(&options.rate).then(|| lcm(STEPS, options.rate))?;
         let walker = options.start.map_or_else(|| Walker::new(scene), |start| Walker::starting_at(scene, start));
         effects.jitter = effects.jitter.or(effects.film.anti_aliasing.map(|_| TAA_PHASES));
         let mut this = Self {
@@ -154,9 +154,9 @@ impl<'a> Clip<'a> {
             changes: effects.edits.shot_changes().into(),
             effects,
             shots: vec![Shot::new(walker, 0)],
-            mixture: 0.0..0.0,
+            cross_fade: 0.0..0.0,
             histories: BTreeMap::new(),
-            pace,
+            steps_per_second,
             steps: 0,
             number: 0,
             before: None,
@@ -167,20 +167,21 @@ impl<'a> Clip<'a> {
 
     /// World time of the walkers in seconds.
     fn seconds(&self) -> f64 {
-        self.steps as f64 / f64::from(self.pace)
+        self.steps as f64 / f64::from(self.steps_per_second)
     }
 
     /// Takes one step with each shot's walker, then begins and ends shots.
     fn step(&mut self) -> Result<()> {
-        let (from, until) = (WorldTime::new(self.steps, self.pace), WorldTime::new(self.steps + 1, self.pace));
+        let (from, until) =
+            (WorldTime::new(self.steps, self.steps_per_second), WorldTime::new(self.steps + 1, self.steps_per_second));
         let input = self.script.span(from, until)?;
         for shot in &mut self.shots {
-            shot.walker.step(self.scene, &input, 1.0 / f64::from(self.pace));
+            shot.walker.step(self.scene, &input, 1.0 / f64::from(self.steps_per_second));
         }
         self.steps += 1;
         // Times that are no multiple of a step have a rounding error.
         let now = self.seconds() + 1e-9;
-        if self.shots.len() > 1 && self.mixture.end <= now {
+        if self.shots.len() > 1 && self.cross_fade.end <= now {
             self.shots.drain(..self.shots.len() - 1);
         }
         while let Some(change) = self.changes.pop_front_if(|change| change.time.start <= now) {
@@ -190,7 +191,7 @@ impl<'a> Clip<'a> {
                 self.shots.clear();
             }
             self.shots.push(shot);
-            self.mixture = change.time;
+            self.cross_fade = change.time;
         }
         self.record_trail();
         Ok(())
@@ -211,13 +212,13 @@ impl<'a> Clip<'a> {
     /// Walks to the next frame's time. Returns what the frame shows, the incoming shot last.
     fn advance_shots(&mut self) -> Result<Vec<Layer>> {
         if self.number > 0 {
-            for _ in 0..self.pace / self.options.rate {
+            for _ in 0..self.steps_per_second / self.options.rate {
                 self.step()?;
             }
         }
         let jitter = self.effects.jitter.map_or(Vec2::ZERO, |phases| halton_jitter(self.number, phases));
         let (seconds, aspect) = (self.seconds(), self.options.aspect);
-        let mixed = (seconds - self.mixture.start) / (self.mixture.end - self.mixture.start);
+        let mixed = (seconds - self.cross_fade.start) / (self.cross_fade.end - self.cross_fade.start);
         let mut layers = Vec::with_capacity(self.shots.len());
         let last_shown = self.before;
         for shot in &mut self.shots {
@@ -295,7 +296,7 @@ impl<'a> Clip<'a> {
 }
 
 /// The least common multiple.
-fn common_multiple(a: u32, b: u32) -> u32 {
+fn lcm(a: u32, b: u32) -> u32 {
     let (mut divisor, mut rest) = (a, b);
     while rest != 0 {
         (divisor, rest) = (rest, divisor % rest);

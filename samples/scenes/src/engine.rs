@@ -12,7 +12,7 @@ use glam::Vec2;
 use half::f16;
 
 use crate::camera::{FAR, NEAR, view_distance};
-use crate::render::{Frame, Moment, SurfaceKind};
+use crate::render::{Frame, Moment, MotionKind};
 
 /// How a motion texture stores a vector. All formats store both components alike.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -247,7 +247,7 @@ impl Engine {
         let size = Vec2::new(width as f32, height as f32);
         let jitter = if options.keep_jitter { Vec2::ZERO } else { before.jitter - now.jitter };
         let of_pixel = |k: usize| {
-            let camera_only = options.skinned_from_camera && frame.surfaces[k] == SurfaceKind::Skinned;
+            let camera_only = options.skinned_from_camera && frame.surfaces[k] == MotionKind::Skinned;
             let motion = if camera_only { frame.camera_motion[k] } else { frame.motion[k] };
             options.format.round_trip(motion - jitter, size)
         };

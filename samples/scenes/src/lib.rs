@@ -36,6 +36,6 @@ mod water;
 pub use cast::Cast;
 pub use clip::{Clip, ClipFrame, ClipOptions, Effects, MAX_RATE, TAA_PHASES};
 pub use family::{FAMILIES, Family, LANDSCAPES, Weather};
-pub use render::{Frame, MIRRORS, Moment, Quality, SurfaceKind, render, render_picture};
+pub use render::{Frame, MIRRORS, Moment, MotionKind, Quality, render, render_picture};
 pub use scene::Scene;
 pub use walk::{EASE, EYE, MAX_PITCH, RUN, Start, TURN_PER_COUNT, WALK, Walker};

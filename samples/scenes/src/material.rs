@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use crate::mesh::Surface;
+use crate::mesh::TriangleMaterial;
 use crate::noise::{fractal2, fractal3, lattice};
 
 /// A kind of surface.
@@ -271,7 +271,7 @@ fn square_wave(x: f32, footprint: f32) -> f32 {
 }
 
 /// Light that a surface gives by itself, linear RGB, at `p` in the object's own frame.
-pub(crate) fn emission(surface: Surface, p: Vec3) -> Vec3 {
+pub(crate) fn emission(surface: TriangleMaterial, p: Vec3) -> Vec3 {
     if surface.material != Material::Glow {
         return Vec3::ZERO;
     }

@@ -17,12 +17,12 @@ pub struct Mesh {
     /// Vertex indices of each triangle.
     pub triangles: Vec<[u32; 3]>,
     /// Material of each triangle.
-    pub materials: Vec<Surface>,
+    pub materials: Vec<TriangleMaterial>,
 }
 
 /// Material of a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Surface {
+pub struct TriangleMaterial {
     /// The kind of surface.
     pub material: Material,
     /// Variation of colour and texture between objects, 0 to 255.
@@ -38,13 +38,13 @@ impl Mesh {
     }
 
     /// Adds a triangle.
-    pub fn triangle(&mut self, corners: [u32; 3], surface: Surface) {
+    pub fn triangle(&mut self, corners: [u32; 3], surface: TriangleMaterial) {
         self.triangles.push(corners);
         self.materials.push(surface);
     }
 
     /// Adds two triangles over four vertices in order around the quad.
-    pub fn quad(&mut self, q: [u32; 4], surface: Surface) {
+    pub fn quad(&mut self, q: [u32; 4], surface: TriangleMaterial) {
         self.triangle([q[0], q[1], q[2]], surface);
         self.triangle([q[0], q[2], q[3]], surface);
     }
@@ -60,7 +60,7 @@ impl Mesh {
     }
 
     /// A tube along `spine` (centre, radius) with `sides` sides; radii vary by the fraction `rough`.
-    pub fn tube(&mut self, spine: &[(Vec3, f32)], sides: u32, rough: f32, seed: u32, surface: Surface) {
+    pub fn tube(&mut self, spine: &[(Vec3, f32)], sides: u32, rough: f32, seed: u32, surface: TriangleMaterial) {
         let mut rings: Vec<u32> = Vec::with_capacity(spine.len());
         for (k, &(centre, radius)) in spine.iter().enumerate() {
             let before = spine[k.saturating_sub(1)].0;
@@ -93,7 +93,7 @@ impl Mesh {
     }
 
     /// A lumpy ball of radius about 1 with `rings` x `2 rings` faces; `rough` is the height of its lumps.
-    pub fn ball(&mut self, rings: u32, rough: f32, frequency: f32, seed: u32, surface: Surface) {
+    pub fn ball(&mut self, rings: u32, rough: f32, frequency: f32, seed: u32, surface: TriangleMaterial) {
         let around = rings * 2;
         let base = self.positions.len() as u32;
         let at = |i: u32, j: u32| -> Vec3 {
@@ -125,7 +125,15 @@ impl Mesh {
     }
 
     /// `count` leaves scattered through an ellipsoid around `centre`. Their normals follow the ellipsoid, so that the crown is shaded as one body.
-    pub fn crown(&mut self, centre: Vec3, radii: Vec3, count: u32, leaf: f32, rng: &mut Rng, surface: Surface) {
+    pub fn crown(
+        &mut self,
+        centre: Vec3,
+        radii: Vec3,
+        count: u32,
+        leaf: f32,
+        rng: &mut Rng,
+        surface: TriangleMaterial,
+    ) {
         for _ in 0..count {
             let d = rng.direction();
             let p = centre + d * radii * rng.range(0.55, 1.0);
@@ -142,7 +150,7 @@ impl Mesh {
     }
 
     /// One storey of a fir: a cone from `top` down to a ragged hem of `radius`.
-    pub fn skirt(&mut self, top: Vec3, radius: f32, drop: f32, points: u32, rng: &mut Rng, surface: Surface) {
+    pub fn skirt(&mut self, top: Vec3, radius: f32, drop: f32, points: u32, rng: &mut Rng, surface: TriangleMaterial) {
         let apex = self.vertex(top, Vec3::Y);
         let start = rng.range(0.0, TAU);
         let hem: Vec<u32> = (0..points * 2)
@@ -160,7 +168,7 @@ impl Mesh {
     }
 
     /// A tuft of `blades` thin leaves from the ground, `height` tall.
-    pub fn tuft(&mut self, at: Vec3, blades: u32, height: f32, spread: f32, rng: &mut Rng, surface: Surface) {
+    pub fn tuft(&mut self, at: Vec3, blades: u32, height: f32, spread: f32, rng: &mut Rng, surface: TriangleMaterial) {
         for _ in 0..blades {
             let (sin, cos) = rng.range(0.0, TAU).sin_cos();
             let out = Vec3::new(cos, 0.0, sin);
@@ -183,7 +191,7 @@ impl Mesh {
 
     /// A flat bar along `spine` with a diamond cross-section, like a blade. Spine: `(centre, half width, half thickness)`; the width is along
     /// `across`.
-    pub fn bar(&mut self, spine: &[(Vec3, f32, f32)], across: Vec3, surface: Surface) {
+    pub fn bar(&mut self, spine: &[(Vec3, f32, f32)], across: Vec3, surface: TriangleMaterial) {
         let along = (spine[spine.len() - 1].0 - spine[0].0).normalize_or(Vec3::Y);
         let thick = along.cross(across).normalize_or(Vec3::X);
         for pair in spine.windows(2) {
@@ -200,7 +208,7 @@ impl Mesh {
     }
 
     /// An axis-aligned box.
-    pub fn block(&mut self, low: Vec3, high: Vec3, surface: Surface) {
+    pub fn block(&mut self, low: Vec3, high: Vec3, surface: TriangleMaterial) {
         for axis in 0..3 {
             for end in [low, high] {
                 let sign = if end == high { 1.0 } else { -1.0 };

@@ -5,11 +5,11 @@ use std::f32::consts::TAU;
 use glam::{Mat3, Vec3};
 
 use crate::material::Material;
-use crate::mesh::{Mesh, Surface};
+use crate::mesh::{Mesh, TriangleMaterial};
 use crate::noise::Rng;
 
-fn surface(material: Material, rng: &mut Rng) -> Surface {
-    Surface { material, variant: (rng.bits() & 255) as u8 }
+fn surface(material: Material, rng: &mut Rng) -> TriangleMaterial {
+    TriangleMaterial { material, variant: (rng.bits() & 255) as u8 }
 }
 
 /// Mesh detail of an object. It depends on the object's position, never on the camera, so that no object changes its shape during a walk.
@@ -130,7 +130,7 @@ pub(crate) fn log(length: f32, rng: &mut Rng) -> Mesh {
 /// A mushroom.
 pub(crate) fn mushroom(height: f32, rng: &mut Rng) -> Mesh {
     let mut mesh = Mesh::default();
-    let stem = Surface { material: Material::Wood, variant: 200 };
+    let stem = TriangleMaterial { material: Material::Wood, variant: 200 };
     mesh.tube(&[(Vec3::ZERO, height * 0.12), (Vec3::Y * height * 0.8, height * 0.09)], 6, 0.1, 3, stem);
     let mut cap = Mesh::default();
     cap.ball(6, 0.05, 1.0, rng.bits(), surface(Material::Accent, rng));
@@ -215,14 +215,14 @@ pub(crate) fn sign(rng: &mut Rng) -> Mesh {
     mesh.block(
         Vec3::new(-0.55, 1.55, -0.09),
         Vec3::new(0.55, 2.2, -0.05),
-        Surface { material: Material::Accent, variant: 1 },
+        TriangleMaterial { material: Material::Accent, variant: 1 },
     );
     mesh
 }
 
 /// The held sword in view space: metres right, up and forward of the eye, with the hand that holds it.
 pub(crate) fn sword() -> Mesh {
-    let plain = |material| Surface { material, variant: 90 };
+    let plain = |material| TriangleMaterial { material, variant: 90 };
     let mut mesh = Mesh::default();
     let across = Vec3::new(0.94, 0.10, 0.33).normalize();
     let grip = Vec3::new(0.27, -0.30, 0.58);

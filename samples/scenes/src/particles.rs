@@ -157,9 +157,10 @@ struct Sprite {
     /// Middle and radius in pixels.
     centre: Vec2,
     radius: Vec2,
-    /// Distance along the view axis and radius, in metres.
+    /// Distance along the view axis, in metres.
     distance: f32,
-    depth: f32,
+    /// In metres.
+    world_radius: f32,
     /// Linear display light.
     colour: Vec3,
     alpha: f32,
@@ -203,7 +204,7 @@ impl ParticleLayer {
                     centre: view.project(at),
                     radius,
                     distance: at.z,
-                    depth: p.radius,
+                    world_radius: p.radius,
                     colour: tone_map(light),
                     alpha: p.alpha * share,
                 })
@@ -224,20 +225,20 @@ impl ParticleLayer {
     /// Composites the particles in front of `distance` metres over `light`, linear display light, at a pixel's centre. Returns the light and the
     /// particles' share in it.
     pub(crate) fn over(&self, light: Vec3, at: Vec2, distance: f32) -> (Vec3, f32) {
-        let (mut light, mut behind) = (light, 1.0_f32);
+        let (mut light, mut transmittance) = (light, 1.0_f32);
         for &n in &self.bands[at.y as usize / BAND] {
             let s = &self.sprites[n as usize];
             let off = ((at - s.centre) / s.radius).length_squared();
             if off >= 1.0 {
                 continue;
             }
-            // Soft where it passes into a surface.
-            let front = ((distance - s.distance) / (s.depth + 1e-3) * 0.5 + 0.5).clamp(0.0, 1.0);
+            // Soft particle: fades out where it intersects a surface.
+            let front = ((distance - s.distance) / (s.world_radius + 1e-3) * 0.5 + 0.5).clamp(0.0, 1.0);
             let share = s.alpha * (1.0 - off).powi(2) * front;
             light = light.lerp(s.colour, share);
-            behind *= 1.0 - share;
+            transmittance *= 1.0 - share;
         }
-        (light, 1.0 - behind)
+        (light, 1.0 - transmittance)
     }
 }
 

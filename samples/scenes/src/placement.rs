@@ -12,7 +12,7 @@ use crate::cast::Cast;
 use crate::family::Family;
 use crate::lamp::{Lamp, Mount};
 use crate::material::Material;
-use crate::mesh::{Mesh, Surface};
+use crate::mesh::{Mesh, TriangleMaterial};
 use crate::noise::Rng;
 use crate::particles::{AirKind, Emitter};
 use crate::pose::Route;
@@ -289,7 +289,7 @@ impl Stage<'_> {
 
     /// Water beside the walk: a stone basin or, on a street, puddles. All of it lies at one height, so that one mirror image serves it.
     fn water(&mut self, rng: &mut Rng) {
-        let surface = Surface { material: Material::Water, variant: 0 };
+        let surface = TriangleMaterial { material: Material::Water, variant: 0 };
         let mut mesh = Mesh::default();
         if self.scene.family == Family::Town {
             let height = 0.034;
@@ -323,7 +323,7 @@ impl Stage<'_> {
                 let turn = n as f32 * TAU / 16.0;
                 let mut stone = Mesh::default();
                 let half = radius * (TAU / 32.0).tan() * 1.02;
-                let block = Surface { material: Material::Rock, variant: (rng.bits() & 255) as u8 };
+                let block = TriangleMaterial { material: Material::Rock, variant: (rng.bits() & 255) as u8 };
                 stone.block(
                     Vec3::new(-half, low - height - 0.3, -0.16),
                     Vec3::new(half, rng.range(0.09, 0.12), 0.16),
@@ -355,9 +355,9 @@ impl Stage<'_> {
             let Some((_, at)) = best else { continue };
             let foot = Vec3::new(at.x, self.ground.mesh_height(at), at.y);
             let mut bowl = Mesh::default();
-            let iron = Surface { material: Material::Leather, variant: 6 };
+            let iron = TriangleMaterial { material: Material::Leather, variant: 6 };
             bowl.tube(&[(foot, 0.1), (foot + Vec3::Y * 0.35, 0.12), (foot + Vec3::Y * 0.55, 0.3)], 12, 0.0, 1, iron);
-            let ember = Surface { material: Material::Glow, variant: 0 };
+            let ember = TriangleMaterial { material: Material::Glow, variant: 0 };
             bowl.block(foot + Vec3::new(-0.17, 0.55, -0.17), foot + Vec3::new(0.17, 0.69, 0.17), ember);
             self.scene.chunks.push(Chunk::new(bowl, false));
             self.scene.emitters.push(Emitter::Fire { at: foot + Vec3::Y * 0.65, seed: rng.bits() });
@@ -393,7 +393,7 @@ impl Stage<'_> {
 }
 
 /// A level surface of about `radius` metres with an outline that varies by the fraction `rough`.
-fn pool(mesh: &mut Mesh, centre: Vec3, radius: f32, rough: f32, rng: &mut Rng, surface: Surface) {
+fn pool(mesh: &mut Mesh, centre: Vec3, radius: f32, rough: f32, rng: &mut Rng, surface: TriangleMaterial) {
     const SIDES: u32 = 32;
     let phases = [rng.range(0.0, TAU), rng.range(0.0, TAU)];
     let middle = mesh.vertex(centre, Vec3::Y);

@@ -71,7 +71,7 @@ pub struct Frame {
     /// The part of [`motion`](Self::motion) that the camera alone causes: motion of a point that stands still in the world. Same units and sign.
     pub camera_motion: Vec<Vec2>,
     /// What each pixel's centre shows.
-    pub surfaces: Vec<SurfaceKind>,
+    pub surfaces: Vec<MotionKind>,
     /// Whether the colour at the pixel's centre may change without motion: a moving shadow or a moving lamp falls on it, or its surface mirrors what
     /// is around it (gloss above [`MIRRORS`]), which depends on the direction of view.
     pub changing_light: Vec<bool>,
@@ -81,7 +81,7 @@ pub struct Frame {
 
 /// What a pixel shows, as a game engine's renderer tells its passes apart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum SurfaceKind {
+pub enum MotionKind {
     /// Nothing but the sky.
     Sky,
     /// Geometry at rest in the world.
@@ -188,7 +188,7 @@ fn draw(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: u32, q
     let mut picture = vec![[0_u8; 4]; w * h];
     let mut depth = vec![1.0_f32; w * h];
     let mut motion = vec![[Vec2::ZERO; 2]; w * h];
-    let mut seen = vec![(SurfaceKind::Sky, false, 0.0); w * h];
+    let mut seen = vec![(MotionKind::Sky, false, 0.0); w * h];
     let rows = picture.par_chunks_mut(w).zip(depth.par_chunks_mut(w)).zip(motion.par_chunks_mut(w));
     rows.zip(seen.par_chunks_mut(w)).enumerate().for_each(|(y, (((colours, depths), motions), seen))| {
         for x in 0..w {
@@ -209,7 +209,7 @@ fn draw(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: u32, q
             depths[x] = hit.as_ref().map_or(1.0, |h| device_depth(h.view.z));
             motions[x] = [painter.motion(hit.as_ref(), at), painter.camera_motion(hit.as_ref(), at)];
             seen[x] = match &hit {
-                None => (SurfaceKind::Sky, false, cover),
+                None => (MotionKind::Sky, false, cover),
                 Some(h) => (h.kind(), painter.has_changing_light(h), cover),
             };
         }
@@ -312,12 +312,12 @@ struct Hit<'a> {
 }
 
 impl Hit<'_> {
-    fn kind(&self) -> SurfaceKind {
+    fn kind(&self) -> MotionKind {
         match self.moved {
-            _ if self.chunk.held => SurfaceKind::Held,
-            None => SurfaceKind::Still,
-            Some(_) if self.chunk.is_rigid() => SurfaceKind::Rigid,
-            Some(_) => SurfaceKind::Skinned,
+            _ if self.chunk.held => MotionKind::Held,
+            None => MotionKind::Still,
+            Some(_) if self.chunk.is_rigid() => MotionKind::Rigid,
+            Some(_) => MotionKind::Skinned,
         }
     }
 

@@ -11,7 +11,7 @@ use crate::cast::Cast;
 use crate::family::{Family, Weather};
 use crate::lamp::{Lamp, Walls};
 use crate::material::Material;
-use crate::mesh::{Mesh, Surface};
+use crate::mesh::{Mesh, TriangleMaterial};
 use crate::noise::{Rng, value2};
 use crate::objects::{self, Detail};
 use crate::particles::Emitter;
@@ -201,7 +201,8 @@ impl Scene {
         Self::with_cast(family, seed, Cast::none())
     }
 
-    /// Generates the scene of `family` for `seed` with the moving things of `cast`. The place itself is the same for every cast.
+    /// Generates the scene of `family` for `seed` with the moving things of `cast`. The place itself is the same for every cast, with these additions:
+    /// posts of gates, bowls of fires and, outside of the town, a basin of water, which is an obstacle.
     pub fn with_cast(family: Family, seed: u64, cast: Cast) -> Self {
         Self::on(Terrain::new(family, seed), family, seed, cast)
     }
@@ -233,7 +234,7 @@ impl Scene {
             Family::Town => place = places::town(cast, &mut rng),
         }
         let SceneBuilder { cells, plants, obstacles, objects, .. } = builder;
-        let ground = Surface { material: Material::Ground, variant: 0 };
+        let ground = TriangleMaterial { material: Material::Ground, variant: 0 };
         let mut chunks: Vec<Chunk> =
             cells.into_values().chain(terrain.tiles(ground)).map(|mesh| Chunk::new(mesh, false)).collect();
         if family == Family::Sword {

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 
 use crate::family::Family;
 use crate::material::{MaterialSample, sandstone, smooth};
-use crate::mesh::{Mesh, Surface};
+use crate::mesh::{Mesh, TriangleMaterial};
 use crate::noise::{Rng, fractal2, value2};
 
 /// Half the side of the finely meshed square, in metres.
@@ -188,14 +188,14 @@ impl Terrain {
     }
 
     /// Meshes in square tiles of at most 24 x 24 cells, fine near the origin and coarse farther out.
-    pub fn tiles(&self, surface: Surface) -> Vec<Mesh> {
+    pub fn tiles(&self, surface: TriangleMaterial) -> Vec<Mesh> {
         let mut tiles = self.grid(FINE, FINE_CELL, 0.0, 16, surface);
         tiles.extend(self.grid(WHOLE, COARSE_CELL, FINE - COARSE_CELL, 10, surface));
         tiles
     }
 
     /// A grid over the square of half side `half`, without the square of half side `hole`.
-    fn grid(&self, half: f32, cell: f32, hole: f32, tile: i32, surface: Surface) -> Vec<Mesh> {
+    fn grid(&self, half: f32, cell: f32, hole: f32, tile: i32, surface: TriangleMaterial) -> Vec<Mesh> {
         let n = (half / cell) as i32;
         let at = |i: i32, j: i32| Vec2::new(i as f32 * cell, j as f32 * cell);
         let mut tiles = Vec::new();

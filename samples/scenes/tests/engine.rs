@@ -5,7 +5,7 @@ use cairn::world::ControlScript;
 use glam::{Vec2, Vec3};
 use scenes::camera::view_distance;
 use scenes::engine::{Engine, EngineOptions, MotionFormat};
-use scenes::{Clip, ClipFrame, ClipOptions, Effects, Family, Frame, Quality, Scene, SurfaceKind, render};
+use scenes::{Clip, ClipFrame, ClipOptions, Effects, Family, Frame, MotionKind, Quality, Scene, render};
 
 const SIZE: (u32, u32) = (320, 180);
 const SCRIPT: &str = "cairn-controls 1\n0..9 hold W\n0..9 mouse 1800 0\n9 end\n";
@@ -192,8 +192,8 @@ fn skinned_meshes_have_the_cameras_motion_where_the_engine_says_so_and_nothing_e
     let mut frames = frames(&scene, 30, 1, 10, Effects::default());
     // The held item counts as a skinned mesh: its own motion is not the camera's.
     for f in &mut frames {
-        for kind in f.frame.surfaces.iter_mut().filter(|kind| **kind == SurfaceKind::Held) {
-            *kind = SurfaceKind::Skinned;
+        for kind in f.frame.surfaces.iter_mut().filter(|kind| **kind == MotionKind::Held) {
+            *kind = MotionKind::Skinned;
         }
     }
     let give = |skinned_from_camera: bool| {
@@ -205,7 +205,7 @@ fn skinned_meshes_have_the_cameras_motion_where_the_engine_says_so_and_nothing_e
     let mut skinned = 0;
     for k in 0..exact.vectors.len() {
         assert_eq!(exact.vectors[k], frame.motion[k]);
-        if frame.surfaces[k] == SurfaceKind::Skinned {
+        if frame.surfaces[k] == MotionKind::Skinned {
             assert_eq!(camera.vectors[k], frame.camera_motion[k]);
             assert!(camera.vectors[k].distance(exact.vectors[k]) > 1.0, "{} {}", camera.vectors[k], exact.vectors[k]);
             skinned += 1;

@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use super::{Builder, Opening, Place, Wall, plain};
 use crate::cast::Cast;
 use crate::material::Material;
-use crate::mesh::{Mesh, Surface};
+use crate::mesh::{Mesh, TriangleMaterial};
 use crate::noise::Rng;
 use crate::objects;
 
@@ -131,11 +131,11 @@ fn picture(b: &mut Builder, side: f32, north: f32, rng: &mut Rng) {
     let (a, z) = depth(0.03);
     b.block(Vec3::new(a, low, north - half), Vec3::new(z, high, north + half), plain(Material::Gold, 4));
     let (a, z) = depth(0.036);
-    let canvas = Surface { material: Material::Cloth, variant: (rng.bits() & 255) as u8 };
+    let canvas = TriangleMaterial { material: Material::Cloth, variant: (rng.bits() & 255) as u8 };
     b.block(Vec3::new(a, low + 0.05, north - half + 0.05), Vec3::new(z, high - 0.05, north + half - 0.05), canvas);
 }
 
-fn table(top: Vec2, height: f32, surface: Surface) -> Vec<(Vec3, Vec3, Surface)> {
+fn table(top: Vec2, height: f32, surface: TriangleMaterial) -> Vec<(Vec3, Vec3, TriangleMaterial)> {
     let (x, z) = (top.x * 0.5, top.y * 0.5);
     let mut parts = vec![(Vec3::new(-x, height - 0.05, -z), Vec3::new(x, height, z), surface)];
     for (sx, sz) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
@@ -149,14 +149,14 @@ fn table(top: Vec2, height: f32, surface: Surface) -> Vec<(Vec3, Vec3, Surface)>
     parts
 }
 
-fn chair(surface: Surface, seat: Surface) -> Vec<(Vec3, Vec3, Surface)> {
+fn chair(surface: TriangleMaterial, seat: TriangleMaterial) -> Vec<(Vec3, Vec3, TriangleMaterial)> {
     let mut parts = table(Vec2::splat(0.44), 0.46, surface);
     parts.push((Vec3::new(-0.20, 0.46, -0.20), Vec3::new(0.20, 0.51, 0.20), seat));
     parts.push((Vec3::new(-0.21, 0.46, 0.18), Vec3::new(0.21, 1.0, 0.22), surface));
     parts
 }
 
-fn sofa(cloth: Surface) -> Vec<(Vec3, Vec3, Surface)> {
+fn sofa(cloth: TriangleMaterial) -> Vec<(Vec3, Vec3, TriangleMaterial)> {
     vec![
         (Vec3::new(-1.0, 0.08, -0.42), Vec3::new(1.0, 0.44, 0.42), cloth),
         (Vec3::new(-1.0, 0.44, 0.22), Vec3::new(1.0, 0.90, 0.42), cloth),
@@ -166,7 +166,7 @@ fn sofa(cloth: Surface) -> Vec<(Vec3, Vec3, Surface)> {
 }
 
 /// A shelf of books along x, its back at z = 0.17.
-fn shelf(rng: &mut Rng) -> Vec<(Vec3, Vec3, Surface)> {
+fn shelf(rng: &mut Rng) -> Vec<(Vec3, Vec3, TriangleMaterial)> {
     let wood = plain(Material::Wood, 60);
     let mut parts = vec![
         (Vec3::new(-0.95, 0.0, 0.14), Vec3::new(0.95, 2.05, 0.17), wood),

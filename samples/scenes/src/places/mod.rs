@@ -15,7 +15,7 @@ use crate::animation::{Animation, Body};
 use crate::cast::Cast;
 use crate::lamp::{Lamp, Mount, Walls};
 use crate::material::Material;
-use crate::mesh::{Mesh, Surface};
+use crate::mesh::{Mesh, TriangleMaterial};
 use crate::noise::Rng;
 use crate::scene::{Chunk, flexes};
 
@@ -75,7 +75,7 @@ struct Wall {
     until: f32,
     height: f32,
     thickness: f32,
-    surface: Surface,
+    surface: TriangleMaterial,
 }
 
 impl Wall {
@@ -89,8 +89,8 @@ impl Wall {
     }
 }
 
-fn plain(material: Material, variant: u8) -> Surface {
-    Surface { material, variant }
+fn plain(material: Material, variant: u8) -> TriangleMaterial {
+    TriangleMaterial { material, variant }
 }
 
 impl Builder {
@@ -103,18 +103,18 @@ impl Builder {
     }
 
     /// A box without collision.
-    fn block(&mut self, low: Vec3, high: Vec3, surface: Surface) {
+    fn block(&mut self, low: Vec3, high: Vec3, surface: TriangleMaterial) {
         self.part((low.z + high.z) * 0.5).block(low, high, surface);
     }
 
     /// A box that stops walkers and lamps.
-    fn solid(&mut self, low: Vec3, high: Vec3, surface: Surface) {
+    fn solid(&mut self, low: Vec3, high: Vec3, surface: TriangleMaterial) {
         self.block(low, high, surface);
         self.place.walls.push((low, high));
     }
 
     /// A level slab, in parts that are culled apart.
-    fn slab(&mut self, low: Vec3, high: Vec3, surface: Surface) {
+    fn slab(&mut self, low: Vec3, high: Vec3, surface: TriangleMaterial) {
         let mut from = low.z;
         while from < high.z {
             let until = high.z.min(((from / PART).floor() + 1.0) * PART);
@@ -208,7 +208,7 @@ impl Builder {
     }
 
     /// A thing made of boxes that stands on the floor: `parts` are corners and surfaces around the origin, turned by quarter turns.
-    fn furniture(&mut self, at: Vec2, quarter: u32, radius: f32, parts: &[(Vec3, Vec3, Surface)]) {
+    fn furniture(&mut self, at: Vec2, quarter: u32, radius: f32, parts: &[(Vec3, Vec3, TriangleMaterial)]) {
         let mut mesh = Mesh::default();
         for &(low, high, surface) in parts {
             mesh.block(low, high, surface);

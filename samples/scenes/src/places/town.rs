@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use super::{Builder, Opening, Place, Wall, plain};
 use crate::cast::Cast;
 use crate::material::Material;
-use crate::mesh::{Mesh, Surface};
+use crate::mesh::{Mesh, TriangleMaterial};
 use crate::noise::Rng;
 use crate::objects::{self, Detail};
 
@@ -183,7 +183,7 @@ fn storey_wall(b: &mut Builder, wall: Wall, low: f32, high: f32, windows: &[Open
 }
 
 /// A parked car along z, its middle at the origin.
-fn car(paint: Surface) -> Mesh {
+fn car(paint: TriangleMaterial) -> Mesh {
     let mut mesh = Mesh::default();
     let (tyre, glass) = (plain(Material::Leather, 3), plain(Material::Steel, 20));
     mesh.block(Vec3::new(-0.85, 0.32, -2.05), Vec3::new(0.85, 0.82, 2.05), paint);

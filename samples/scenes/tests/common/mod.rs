@@ -100,8 +100,8 @@ impl Reprojection {
     }
 }
 
-/// Distance along the view axis where a ray meets a triangle (Moeller and Trumbore).
-fn meets(origin: Vec3, direction: Vec3, [a, b, c]: [Vec3; 3]) -> Option<f32> {
+/// Where a ray meets a triangle: distance in units of `direction`, and weights of the second and third corner (Moeller and Trumbore).
+pub(crate) fn meets(origin: Vec3, direction: Vec3, [a, b, c]: [Vec3; 3]) -> Option<(f32, [f32; 2])> {
     let (u, v) = (b - a, c - a);
     let p = direction.cross(v);
     let det = u.dot(p);
@@ -111,7 +111,7 @@ fn meets(origin: Vec3, direction: Vec3, [a, b, c]: [Vec3; 3]) -> Option<f32> {
     let s = (origin - a) / det;
     let (x, q) = (s.dot(p), s.cross(u));
     let (y, t) = (direction.dot(q), v.dot(q));
-    (x >= 0.0 && y >= 0.0 && x + y <= 1.0 && t > 0.1).then_some(t)
+    (x >= 0.0 && y >= 0.0 && x + y <= 1.0 && t > 0.1).then_some((t, [x, y]))
 }
 
 /// How many of the depths of every `step`th pixel are where the ray meets the first of all triangles at the frame's time, and how many were checked.
@@ -128,7 +128,7 @@ pub(crate) fn depths_by_intersection(scene: &Scene, now: &Moment, frame: &Frame,
     for k in (0..width * height).step_by(step) {
         let pixel = Vec2::new((k % width) as f32, (k / width) as f32) + 0.5;
         let ray = view.to_world(view.ray(pixel));
-        let nearest = triangles.iter().filter_map(|t| meets(view.eye, ray, *t)).fold(f32::MAX, f32::min);
+        let nearest = triangles.iter().filter_map(|t| Some(meets(view.eye, ray, *t)?.0)).fold(f32::MAX, f32::min);
         let expected = if nearest > FAR { 1.0 } else { device_depth(nearest) };
         let (found, expected) = (view_distance(frame.depth[k as usize]), view_distance(expected));
         asked += 1;
