@@ -201,8 +201,8 @@ impl Scene {
         Self::with_cast(family, seed, Cast::none())
     }
 
-    /// Generates the scene of `family` for `seed` with the moving things of `cast`. The place itself is the same for every cast, with these additions:
-    /// posts of gates, bowls of fires and, outside of the town, a basin of water, which is an obstacle.
+    /// Generates the scene of `family` for `seed` with the moving things of `cast`. The place itself is the same for every cast, except that gates
+    /// add posts, fires add bowls, and water outside of the town adds a basin, which is an obstacle.
     pub fn with_cast(family: Family, seed: u64, cast: Cast) -> Self {
         Self::on(Terrain::new(family, seed), family, seed, cast)
     }
