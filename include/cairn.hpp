@@ -28,13 +28,14 @@
  *
  * Results. Every call that can fail returns a cairn::result. With exceptions: .value() returns the value, or throws a cairn::error, which
  * has the code, the message and the message's parts. Without: test .ok(); then .why() has the same error, and *result the value. Nothing
- * else throws, except std::bad_alloc if memory for a text or an array is short. In a program compiled without exceptions, .value() of a
- * failure writes its message to standard error and ends the program.
+ * else throws, except std::bad_alloc if memory for a text or an array is short. In a source compiled without exceptions, .value() of a
+ * failure writes its message to standard error and ends the program. A program may contain both kinds of sources, but they cannot pass these
+ * objects to each other: the names are in cairn::throwing or cairn::aborting, which are inline namespaces. Pass handles of cairn.h instead.
  *
  * "Not yet" and "the queue is full" are neither errors nor successes. They are part of the value: an empty std::optional, or false.
  *
  * Structs. cairn::controls is cairn_controls, all zero but for its struct_size; likewise all other structs. Result codes are the numbers of
- * cairn.h, and constants its macros. Texts are returned as std::string and never truncated; paths are UTF-8.
+ * cairn.h, and constants its macros. Texts are returned as std::string and not truncated, except by device::best; paths are UTF-8.
  */
 
 #ifndef CAIRN_HPP
@@ -42,7 +43,6 @@
 
 #include "cairn.h"
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
@@ -63,6 +63,13 @@
 #endif
 
 namespace cairn {
+
+/* Functions and types differ with and without exceptions. By names of their own, both may be in one program. */
+#if CAIRN_HPP_EXCEPTIONS
+inline namespace throwing {
+#else
+inline namespace aborting {
+#endif
 
 /* ---- 1. Version -------------------------------------------------------------------------------------------------- */
 
@@ -229,7 +236,8 @@ inline result<void> check_version()
     return error(CAIRN_ERROR_UNSUPPORTED,
                  "the library has binary interface " + std::to_string(abi_version()) + " and version " + std::to_string(version()) +
                      ", the program was compiled for " + std::to_string(CAIRN_ABI_VERSION) + " and " + std::to_string(CAIRN_VERSION) +
-                     ". Put the library beside the program that belongs to it");
+                     ". Use the library of the release that the program was compiled for: on Windows beside the program, on Linux where "
+                     "the program's run path (-Wl,-rpath,'$ORIGIN') leads");
 }
 
 /* ---- 3. Structs and views ---------------------------------------------------------------------------------------- */
@@ -526,15 +534,15 @@ public:
 
     /**
      * Creates the best device of this machine: cairn_device_create_auto. `refusals`, if it is not null, gets a line for each better kind that
-     * was not taken, with the reason. Experimental.
+     * was not taken, with the reason; at most 65535 bytes, because a second call for a longer text would create a second device. Experimental.
      */
     static result<device> best(const device_options &options = {}, std::string *refusals = nullptr)
     {
-        std::array<char, 4096> text{};
+        std::string text(refusals != nullptr ? 65536 : 0, '\0');
         auto made = detail::create<device>([&](cairn_device **to) {
-            return cairn_device_create_auto(&options, text.data(), text.size(), nullptr, to);
+            return cairn_device_create_auto(&options, text.empty() ? nullptr : &text[0], text.size(), nullptr, to);
         });
-        if (refusals != nullptr && made.ok()) *refusals = text.data();
+        if (refusals != nullptr && made.ok()) *refusals = text.c_str();
         return made;
     }
 
@@ -810,12 +818,24 @@ public:
     /** The whole state: cairn_rollout_save. */
     result<std::vector<unsigned char>> save() const
     {
+        std::vector<unsigned char> bytes;
         std::size_t size = 0;
         cairn_result r = cairn_rollout_save(get(), nullptr, 0, &size);
-        std::vector<unsigned char> bytes(r < 0 ? 0 : size);
-        if (r >= 0) r = cairn_rollout_save(get(), bytes.data(), bytes.size(), &size);
         if (r < 0) return error::last(r);
-        return bytes;
+        /* A queued step that ends between two calls may change the size, if the rollout has a budget. */
+        for (int tries = 0;; tries++) {
+            bytes.resize(size);
+            r = cairn_rollout_save(get(), bytes.data(), bytes.size(), &size);
+            if (r >= 0) {
+                bytes.resize(size);
+                return bytes;
+            }
+            error why = error::last(r);
+            if (r != CAIRN_ERROR_INVALID_ARGUMENT || tries == 8) return why;
+            r = cairn_rollout_save(get(), nullptr, 0, &size);
+            if (r < 0) return error::last(r);
+            if (size <= bytes.size()) return why;
+        }
     }
 
     /** Writes the whole state to a file, completely or not at all: cairn_rollout_save_file. */
@@ -1129,6 +1149,8 @@ public:
         return detail::create<script>([&](cairn_script **to) { return cairn_recorder_make_script(get(), microseconds, to); });
     }
 };
+
+} /* namespace throwing or aborting */
 
 } /* namespace cairn */
 

@@ -1,4 +1,6 @@
 using System;
+using System.Collections.Generic;
+using System.Linq;
 using System.Runtime.InteropServices;
 using System.Threading;
 
@@ -78,6 +80,7 @@ namespace Cairn
             {
                 this.destroy = destroy;
                 SetHandle(value);
+                LiveHandles.Add(value, destroy);
             }
 
             public override bool IsInvalid
@@ -99,14 +102,54 @@ namespace Cairn
                     Volatile.Write(ref done, 0);
                     CairnException.ThrowIfFailed(result);
                 }
+                LiveHandles.Remove(handle);
                 SetHandleAsInvalid();
             }
 
             protected override bool ReleaseHandle()
             {
+                if (Interlocked.Exchange(ref done, 1) != 0) return true;
+                int result = destroy(handle);
+                LiveHandles.Remove(handle);
                 // A failure cannot be reported here.
-                return Interlocked.Exchange(ref done, 1) != 0 || destroy(handle) >= 0;
+                return result >= 0;
             }
+        }
+    }
+
+    /// <summary>
+    /// Handles of this domain's objects that are not destroyed yet, also of objects that are garbage already. They keep no object alive.
+    /// </summary>
+    internal static class LiveHandles
+    {
+        /// <summary>By handle, the function that destroys it. Handles of all kinds of objects differ.</summary>
+        private static readonly Dictionary<IntPtr, Func<IntPtr, int>> All = new Dictionary<IntPtr, Func<IntPtr, int>>();
+
+        internal static void Add(IntPtr value, Func<IntPtr, int> destroy)
+        {
+            lock (All) All[value] = destroy;
+        }
+
+        internal static void Remove(IntPtr value)
+        {
+            lock (All) All.Remove(value);
+        }
+
+        /// <summary>
+        /// Destroys the objects, for a domain that is being unloaded. Their finalizers may run later: the library ignores a handle that it has
+        /// destroyed. Returns whether there were any.
+        /// </summary>
+        internal static bool DestroyAll()
+        {
+            KeyValuePair<IntPtr, Func<IntPtr, int>>[] left;
+            lock (All)
+            {
+                left = All.ToArray();
+                All.Clear();
+            }
+            // Outside the lock, because destruction waits for calls on other threads.
+            foreach (KeyValuePair<IntPtr, Func<IntPtr, int>> each in left) each.Value(each.Key);
+            return left.Length > 0;
         }
     }
 

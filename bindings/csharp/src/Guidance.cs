@@ -68,14 +68,14 @@ namespace Cairn
         }
     }
 
-    /// <summary>A camera's planes and field of view. Defaults: 0.1, 100 and 60 degrees.</summary>
-    public struct Camera
+    /// <summary>Planes and field of view of the camera of a picture. Defaults: 0.1, 100 and 60 degrees.</summary>
+    public struct GuidanceCamera
     {
         /// <summary>A camera.</summary>
         /// <param name="nearPlane">Above 0.</param>
         /// <param name="farPlane">Above the near plane; may be infinite.</param>
         /// <param name="verticalFov">In radians, inside (0, pi).</param>
-        public Camera(float nearPlane, float farPlane, float verticalFov)
+        public GuidanceCamera(float nearPlane, float farPlane, float verticalFov)
         {
             NearPlane = nearPlane;
             FarPlane = farPlane;
@@ -133,7 +133,7 @@ namespace Cairn
         /// <exception cref="CairnException"><see cref="Result.InvalidArgument"/>, <see cref="Result.OutOfMemory"/>.</exception>
         public static Guidance OfEngine(
             ReadOnlySpan<ushort> motion, ReadOnlySpan<float> depth, int width, int height, DepthKind kind = DepthKind.Device,
-            Camera camera = default(Camera))
+            GuidanceCamera camera = default(GuidanceCamera))
         {
             fixed (ushort* vectors = &MemoryMarshal.GetReference(motion))
             fixed (float* distances = &MemoryMarshal.GetReference(depth))

@@ -458,14 +458,38 @@ namespace Cairn
         /// </exception>
         public byte[] Save()
         {
-            UIntPtr size = UIntPtr.Zero;
-            CheckResult(Library.C.rollout_save(Value, null, UIntPtr.Zero, &size));
-            var state = new byte[(long)size];
-            fixed (byte* at = state)
-            {
-                CheckResult(Library.C.rollout_save(Value, at, size, &size));
-            }
+            byte[] state = SavedBy((rollout, bytes, capacity, size) => Library.C.rollout_save(rollout, bytes, capacity, size), Value);
+            GC.KeepAlive(this);
             return state;
+        }
+
+        /// <summary>
+        /// The state, by a function of the library. Its size may change between two calls, if a queued step ends and there is a budget.
+        /// </summary>
+        internal static byte[] SavedBy(Native.rollout_save_function save, IntPtr rollout)
+        {
+            const int MostTries = 9;
+            UIntPtr size = UIntPtr.Zero;
+            CairnException.ThrowIfFailed(save(rollout, null, UIntPtr.Zero, &size));
+            for (int attempt = 1; ; attempt++)
+            {
+                var state = new byte[(long)size];
+                try
+                {
+                    fixed (byte* at = state)
+                    {
+                        CairnException.ThrowIfFailed(save(rollout, at, (UIntPtr)state.Length, &size));
+                    }
+                }
+                catch (CairnException error) when (error.Result == Result.InvalidArgument && attempt < MostTries)
+                {
+                    CairnException.ThrowIfFailed(save(rollout, null, UIntPtr.Zero, &size));
+                    if ((long)size <= state.Length) throw;
+                    continue;
+                }
+                if ((long)size < state.Length) Array.Resize(ref state, (int)size);
+                return state;
+            }
         }
 
         /// <summary>Writes the whole state into a file, completely or not at all.</summary>

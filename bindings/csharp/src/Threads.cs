@@ -1,5 +1,6 @@
 using System;
 using System.Runtime.InteropServices;
+using System.Threading;
 
 namespace Cairn
 {
@@ -63,7 +64,8 @@ namespace Cairn
 
         /// <summary>
         /// Makes the library share its work on the program's job system instead of its own threads, for the whole process. This changes no
-        /// result.
+        /// result. If the application domain is unloaded, as when an editor reloads scripts, the library gets its own threads back; objects of
+        /// the domain that are still open then are destroyed.
         /// </summary>
         /// <param name="runner">Runs jobs; null for the library's own threads.</param>
         /// <param name="concurrency">The largest number of jobs that run at the same time, 1 to 1024. Ignored without a runner.</param>
@@ -91,9 +93,25 @@ namespace Cairn
             }
         }
 
+        /// <summary>
+        /// Takes the runner from the library before its domain is unloaded. The library keeps a runner while there is an object, so objects that
+        /// are still open, or are garbage, are destroyed first.
+        /// </summary>
         private static void End()
         {
-            if (current.IsAllocated) Library.C.set_scheduler(null);
+            lock (Changing)
+            {
+                if (!current.IsAllocated) return;
+                for (int attempt = 0; attempt < 100; attempt++)
+                {
+                    if (Library.C.set_scheduler(null) != (int)Result.Busy) return;
+                    // If there are none, another thread may be destroying the last one.
+                    if (!LiveHandles.DestroyAll()) Thread.Sleep(10);
+                }
+                Console.Error.WriteLine(
+                    "Cairn: the library keeps a job runner of unloaded code and will crash when it calls it, because objects that were made "
+                    + "without this assembly are still open. Destroy them before scripts are reloaded.");
+            }
         }
 
         [MonoPInvokeCallback(typeof(Native.run_callback))]

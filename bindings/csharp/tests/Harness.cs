@@ -1,7 +1,6 @@
 using System;
 using System.Collections.Generic;
 using System.Diagnostics;
-using System.IO;
 using System.Linq;
 using System.Reflection;
 
@@ -13,6 +12,9 @@ namespace Cairn.Tests
     {
         /// <summary>Whether it needs parts of .NET that Mono's packages do not have.</summary>
         public bool OnDotNet { get; set; }
+
+        /// <summary>Whether it needs application domains that can be unloaded, which .NET does not have.</summary>
+        public bool OnMono { get; set; }
     }
 
     internal sealed class Failure : Exception
@@ -67,30 +69,19 @@ namespace Cairn.Tests
         }
     }
 
-    internal static class Program
+    internal static class Runner
     {
-        /// <summary>Settings from environment variables.</summary>
-        internal static string Setting(string name)
+        /// <summary>Runs the tests of classes, and prints their results. Returns the process's exit code.</summary>
+        internal static int Run(params Type[] classes)
         {
-            string value = Environment.GetEnvironmentVariable(name);
-            Expect.True(!string.IsNullOrEmpty(value), $"{name} is not set: `cargo xtask test csharp` sets it");
-            return value;
-        }
-
-        private static int Main()
-        {
-            // A library is loaded once per process, so tests that need it not loaded run first.
-            var classes = new[]
-            {
-                typeof(InterfaceTests), typeof(LoadingTests), typeof(ThreadTests), typeof(ObjectTests), typeof(RolloutTests), typeof(PresenterTests), typeof(PageTests),
-            };
+            bool isMono = Type.GetType("Mono.Runtime") != null;
             var failed = 0;
             foreach (Type type in classes)
             {
                 foreach (MethodInfo method in type.GetMethods(BindingFlags.Static | BindingFlags.NonPublic | BindingFlags.Public).OrderBy(each => each.MetadataToken))
                 {
                     var test = method.GetCustomAttribute<TestAttribute>();
-                    if (test == null || test.OnDotNet && Type.GetType("Mono.Runtime") != null) continue;
+                    if (test == null || (isMono ? test.OnDotNet : test.OnMono)) continue;
                     var clock = Stopwatch.StartNew();
                     try
                     {

@@ -153,7 +153,7 @@ namespace Cairn.Tests
                 Expect.True(Math.Abs(middle[40] - 0xc400) < 0x80, $"{middle[40]:x}");
                 Expect.Fails(Result.InvalidArgument, () => guidance.ReadDepth(new float[4]));
                 Expect.Fails(Result.InvalidArgument, () => Guidance.OfAnchors(first, second, MotionSource.Paper));
-                using (Guidance own = Guidance.OfEngine(motion, depth, Width, Height, DepthKind.Inverted, new Camera(0.5f, 50, 1)))
+                using (Guidance own = Guidance.OfEngine(motion, depth, Width, Height, DepthKind.Inverted, new GuidanceCamera(0.5f, 50, 1)))
                 {
                     var back = new ushort[motion.Length];
                     own.ReadMotion(back);

@@ -297,6 +297,34 @@ namespace Cairn.Tests
             File.Delete(file);
         }
 
+        /// <summary>Saves a state whose size is the next of <paramref name="sizes"/> in each call; the last one stays.</summary>
+        private static unsafe byte[] SavedWithSizes(params int[] sizes)
+        {
+            int calls = 0;
+            return Rollout.SavedBy(
+                (rollout, bytes, capacity, size) =>
+                {
+                    int length = sizes[Math.Min(calls++, sizes.Length - 1)];
+                    if (bytes != null && (int)capacity < length) return (int)Result.InvalidArgument;
+                    if (bytes != null) new Span<byte>(bytes, length).Fill((byte)length);
+                    *size = (UIntPtr)length;
+                    return (int)Result.Ok;
+                },
+                IntPtr.Zero);
+        }
+
+        [Test]
+        private static void AStateWhoseSizeChangesIsSavedWhole()
+        {
+            foreach (int[] sizes in new[] { new[] { 100 }, new[] { 100, 60 }, new[] { 100, 120 }, new[] { 100, 120, 120, 90 } })
+            {
+                int last = sizes[sizes.Length - 1];
+                Expect.Same(Enumerable.Repeat((byte)last, last).ToArray(), SavedWithSizes(sizes), $"the state of {last} bytes");
+            }
+            Expect.Fails(Result.InvalidArgument, () => SavedWithSizes(100, 120, 100));
+            Expect.Fails(Result.InvalidArgument, () => SavedWithSizes(Enumerable.Range(1, 100).ToArray()));
+        }
+
         [Test]
         private static void OneBudgetLimitsLatentsAndFrames()
         {

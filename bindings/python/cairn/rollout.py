@@ -18,7 +18,7 @@ from . import _interface as c
 from ._handles import Object, field_values
 from ._library import call, encoded, make
 from .controls import Controls
-from .errors import Error, refuse
+from .errors import Error, InvalidArgument, refuse
 from .pictures import Bytes, Floats, Order, source, target
 
 if TYPE_CHECKING:
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 # Interval between two checks for Ctrl+C, because a call into the library cannot be interrupted.
 _GLANCE_NS = 100_000_000
+
+# How often a state is saved again after its size has grown.
+_SAVE_TRIES = 9
 
 
 @dataclass(frozen=True)
@@ -451,9 +454,18 @@ class Rollout(Object):
         """
         size = c_size_t()
         call("rollout_save", self._handle, None, 0, byref(size))
-        state = bytearray(size.value)
-        memory = (c_char * size.value).from_buffer(state)
-        call("rollout_save", self._handle, memory, size.value, byref(size))
+        for attempt in range(1, _SAVE_TRIES + 1):
+            state = bytearray(size.value)
+            memory = (c_char * len(state)).from_buffer(state)
+            try:
+                call("rollout_save", self._handle, memory, len(state), byref(size))
+            except InvalidArgument:
+                # A queued step that ended since the size was asked may have changed it, if the rollout has a budget.
+                call("rollout_save", self._handle, None, 0, byref(size))
+                if size.value <= len(state) or attempt == _SAVE_TRIES:
+                    raise
+            else:
+                break
         del memory
         return bytes(state[: size.value])
 

@@ -1,5 +1,10 @@
-"""Fixtures that several tests share: one tiny bundle, and ONNX Runtime sessions of its graphs."""
+"""Fixtures and helpers that several tests share: one tiny bundle, ONNX Runtime sessions of its graphs, and changed copies."""
 
+import hashlib
+import json
+import shutil
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +29,7 @@ def tiny(tmp_path_factory) -> Path:
         out,
         name="tiny",
         provenance={"seed": "1"},
-        licence=Licence("CC0-1.0", "No rights reserved.\n"),
+        licence=Licence("CC0-1.0", b"No rights reserved.\n"),
     )
 
 
@@ -43,3 +48,30 @@ def relative(a: np.ndarray, b: np.ndarray) -> float:
     """Relative L2 distance of a from b."""
     a, b = a.astype(np.float64), b.astype(np.float64)
     return float(np.linalg.norm(a - b) / np.linalg.norm(b))
+
+
+def copied(bundle: Path, out: Path) -> Path:
+    """A copy of a folder, to change it."""
+    return Path(shutil.copytree(bundle, out))
+
+
+def change_manifest(folder: Path, change: Callable[[dict], object]) -> Path:
+    """Changes the manifest, after sizes and checksums of its files were written again where those exist."""
+    path = folder / "cairn-world.json"
+    manifest = json.loads(path.read_bytes())
+    for entry in manifest["files"]:
+        if (folder / entry["path"]).is_file():
+            data = (folder / entry["path"]).read_bytes()
+            entry.update(size=len(data), sha256=hashlib.sha256(data).hexdigest())
+    change(manifest)
+    path.write_bytes(json.dumps(manifest).encode())
+    return folder
+
+
+def zipped(folder: Path, out: Path) -> Path:
+    """An archive of all files of a folder, without any check."""
+    with zipfile.ZipFile(out, "w") as entries:
+        for path in folder.rglob("*"):
+            if path.is_file():
+                entries.write(path, path.relative_to(folder).as_posix())
+    return out

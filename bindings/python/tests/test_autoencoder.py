@@ -80,7 +80,7 @@ def streaming(tmp_path_factory):
     """A bundle like `tiny` whose encoder takes its memories as inputs."""
     g = PRESETS["stream"][1]
     out = tmp_path_factory.mktemp("bundles") / "stream"
-    licence = Licence("CC0-1.0", "No rights reserved.\n")
+    licence = Licence("CC0-1.0", b"No rights reserved.\n")
     return g, build_bundle(g, RandomWeights(g, 1), out, name="stream", provenance={"seed": "1"}, licence=licence)
 
 

@@ -173,6 +173,9 @@ def test_a_wrong_checkpoint_is_refused_by_name(tmp_path, capsys, change, field, 
         ("patch", [2]),
         ("conv_kw", {"kernel_size": [1, 1], "stride": [1, 1]}),
         ("global_window", 130),
+        ("global_window", 65544),
+        ("rope_nyquist_frac", 1.5),
+        ("rope_theta", 1.0),
         ("d_model", None),
     ],
 )
@@ -181,16 +184,15 @@ def test_a_wrong_config_is_refused_by_name(tmp_path, capsys, name, value):
     (tmp_path / "c" / "config.yaml").write_text(yaml.safe_dump(config(TINY) | {name: value}))
     assert main(["checkpoint", str(tmp_path / "c"), "--out", str(tmp_path / "out"), "--max-window", "256", "--quiet"]) == 2
     message = capsys.readouterr().err
-    assert message.startswith("error: ") and NAMED_OTHERWISE.get((name, str(value)), name) in message
+    # Heads that do not divide the width are a fault of the width.
+    assert message.startswith("error: config.yaml: ") and ("d_model" if name == "n_heads" else name) in message
     assert not (tmp_path / "out").exists()
 
 
-# Faults in the value that a key leads to.
-NAMED_OTHERWISE = {
-    ("n_heads", "5"): "heads",
-    ("n_layers", "1000000000"): "layers",
-    ("scheduler_sigmas", "[1.0, 1.0, 0.0]"): "schedule",
-}
+def test_a_window_beyond_the_limit_is_refused(tmp_path, capsys):
+    write_checkpoint(tmp_path / "c", TINY)
+    assert main(["checkpoint", str(tmp_path / "c"), "--out", str(tmp_path / "out"), "--max-window", "80000", "--quiet"]) == 2
+    assert capsys.readouterr().err == "error: --max-window: 80000 is not a whole number from 1 to 65536. Give one in that range.\n"
 
 
 @pytest.mark.parametrize(
@@ -253,6 +255,17 @@ def test_a_truncated_safetensors_file_is_refused(tmp_path, cut):
     file.write_bytes(file.read_bytes()[:cut])
     with pytest.raises(BuildError, match="safetensors"):
         open_checkpoint(tmp_path / "c", max_window=64)
+
+
+def test_values_that_are_nested_too_deeply_have_a_message(tmp_path):
+    write_checkpoint(tmp_path / "c", TINY)
+    (tmp_path / "c" / "config.yaml").write_text("[" * 20_000)
+    with pytest.raises(BuildError, match="it is no YAML"):
+        open_checkpoint(tmp_path / "c")
+    (tmp_path / "c" / "model.safetensors").unlink()
+    (tmp_path / "c" / "model.safetensors.index.json").write_text("[" * 100_000)
+    with pytest.raises(BuildError, match="it is no index"):
+        open_checkpoint(tmp_path / "c")
 
 
 def test_an_index_cannot_lead_outside(tmp_path):

@@ -4,6 +4,8 @@ import json
 import subprocess
 import sys
 import zipfile
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from conftest import ROOT, TINY
@@ -74,7 +76,7 @@ def test_describing_a_bundle_is_describing_its_shapes(tiny, tmp_path, capsys):
 def test_a_tampered_archive_is_refused(tiny, tmp_path):
     content = json.loads((tiny / "cairn-world.json").read_text())
     for path, cause in (("../evil", "no name"), ("a/../b", "no name"), ("missing", "not in the archive")):
-        bad = {**content, "files": [{**content["files"][0], "path": path}]}
+        bad = {**content, "files": [{**content["files"][0], "path": path}, *content["files"]]}
         with zipfile.ZipFile(tmp_path / "bad.cairn", "w") as entries:
             entries.writestr("cairn-world.json", json.dumps(bad))
             entries.writestr("../evil", b"")
@@ -82,7 +84,7 @@ def test_a_tampered_archive_is_refused(tiny, tmp_path):
             archive.unpack(tmp_path / "bad.cairn", tmp_path / "out")
         assert {p.name for p in tmp_path.iterdir()} == {"bad.cairn"}
     with zipfile.ZipFile(tmp_path / "bad.cairn", "w") as entries:
-        entries.writestr("cairn-world.json", json.dumps({**content, "files": content["files"][:1]}))
+        entries.writestr("cairn-world.json", json.dumps(content))
         entries.writestr(content["files"][0]["path"], b"x" * content["files"][0]["size"])
     with pytest.raises(BuildError, match="checksum"):
         archive.unpack(tmp_path / "bad.cairn", tmp_path / "out")
@@ -137,6 +139,8 @@ def test_other_peoples_folders_are_never_replaced(tmp_path, capsys):
         (["--global-max-window", "8"], "global_max_window"),
         (["--layers", "2000000"], "layers"),
         (["--seed", "-1"], "--seed"),
+        (["--name", "a" * 101], "name"),
+        (["--name", "two\nlines"], "name"),
     ],
 )
 def test_wrong_shapes_are_refused_by_name(tmp_path, capsys, arguments, field):
@@ -144,6 +148,124 @@ def test_wrong_shapes_are_refused_by_name(tmp_path, capsys, arguments, field):
     message = capsys.readouterr().err
     assert message.startswith(f"error: {field}:") and message.count(".") >= 2
     assert not list(tmp_path.iterdir())
+
+
+# The limits of docs/bundle.md, section 3: the member, the largest value, and what else must change with it.
+@pytest.mark.parametrize(
+    "field, largest, others",
+    [
+        ("layers", 512, {}),
+        ("width", 65536, {"heads": 64, "kv_heads": 64}),
+        ("heads", 4096, {"width": 32768, "kv_heads": 1}),
+        ("kv_heads", 4096, {"width": 32768, "heads": 4096}),
+        ("mlp_ratio", 64, {}),
+        ("latent_channels", 4096, {}),
+        ("latent_height", 1024, {}),
+        ("latent_width", 1024, {"latent_height": 2, "render": (64, 32)}),
+        ("local_window", 65536, {}),
+        ("global_window", 65536, {"global_max_window": 65536, "global_dilation": 1}),
+        ("global_max_window", 65536, {}),
+        ("global_dilation", 4096, {"global_window": 4096, "global_max_window": 4096}),
+        ("global_period", 4096, {}),
+        ("global_offset", 4096, {}),
+        ("control_period", 4096, {}),
+        ("latents_per_second", 1000, {}),
+        ("time_multiplier", 1000, {}),
+        ("encoder_width", 16384, {}),
+        ("nyquist_fraction", 1, {}),
+        ("time_base", 10**9, {}),
+    ],
+)
+def test_every_number_has_the_limit_of_the_library(field, largest, others):
+    assert getattr(TINY.with_(**others, **{field: largest}), field) == largest
+    with pytest.raises(BuildError) as refusal:
+        TINY.with_(**others, **{field: largest + 1})
+    assert refusal.value.field == field and f"{largest + 1} is not" in refusal.value.cause and str(largest) in refusal.value.cause
+
+
+@pytest.mark.parametrize(
+    "changes, field, limit",
+    [
+        ({"global_offset": -4097}, "global_offset", "-4096"),
+        ({"nyquist_fraction": 0.0}, "nyquist_fraction", "above 0"),
+        ({"nyquist_fraction": float("nan")}, "nyquist_fraction", "at most 1"),
+        ({"time_base": 1.0}, "time_base", "above 1"),
+        ({"time_base": True}, "time_base", "above 1"),
+        ({"buttons": 255}, "buttons", "256"),
+        ({"patch": (65, 1), "latent_height": 65}, "patch", "from 1 to 64"),
+        ({"patch": (0, 1)}, "patch", "from 1 to 64"),
+        ({"decoder_widths": (32, 16, 16, 16385)}, "decoder_widths", "16384"),
+        ({"width": 2048, "heads": 1, "kv_heads": 1}, "width / heads", "1024"),
+        ({"latent_height": 512, "latent_width": 512, "patch": (1, 1)}, "tokens", "262144 is not a whole number from 1 to 65536"),
+        ({"render": (1025, 64)}, "render", "from 1 to 1024"),
+        ({"latent_width": 1024, "latent_height": 512, "patch": (8, 8), "render": (0, 0)}, "render", "20480 is not a whole number from 1 to 16384"),
+    ],
+)
+def test_other_limits_of_the_library(changes, field, limit):
+    with pytest.raises(BuildError) as refusal:
+        TINY.with_(**changes)
+    assert refusal.value.field == field and limit in refusal.value.cause
+
+
+@pytest.mark.parametrize(
+    "changes, value",
+    [
+        # [4, 129, 256, 512] is 258 MiB in float32.
+        ({"encoder_width": 129}, "value encoder.0 of the encoder"),
+        # A matrix [8192, 32768] in float32.
+        ({"width": 8192, "heads": 128, "kv_heads": 64}, "of the transformer"),
+    ],
+)
+def test_values_beyond_the_limit_of_the_library_are_refused(tmp_path, changes, value):
+    facts = {"name": "w", "provenance": {}, "licence": Licence("CC0-1.0")}
+    with pytest.raises(BuildError, match="at most 256 are allowed") as refusal:
+        build_bundle(PRESETS["720p"][1].with_(**changes), None, tmp_path / "w", **facts)
+    assert value in refusal.value.field and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "facts, field",
+    [
+        ({"name": ""}, "name"),
+        ({"name": "a\x85b"}, "name"),
+        ({"name": "\udc80"}, "name"),
+        ({"licence": Licence("")}, "licence"),
+        ({"licence": Licence("M" * 201)}, "licence"),
+        ({"licence": Licence("MIT\n")}, "licence"),
+        ({"licence": Licence("Licença")}, "licence"),
+        ({"provenance": {"seed": 1}}, "provenance.seed"),
+        ({"rounding": "f8"}, "rounding"),
+    ],
+)
+def test_texts_that_the_library_refuses_are_refused_at_once(tmp_path, facts, field):
+    facts = {"name": "w", "provenance": {}, "licence": Licence("CC0-1.0")} | facts
+    with pytest.raises(BuildError) as refusal:
+        build_bundle(TINY, None, tmp_path / "w", **facts)
+    assert refusal.value.field == field and not list(tmp_path.iterdir())
+
+
+def test_a_manifest_beyond_the_limit_is_refused(tmp_path):
+    facts = {"name": "é" * 100, "provenance": {"a": "é" * (1 << 18)}, "licence": Licence("M" * 200)}
+    with pytest.raises(BuildError, match="at most 1048576 are allowed"):
+        build_bundle(TINY, RandomWeights(TINY, 1), tmp_path / "w", **facts)
+    assert not list(tmp_path.iterdir())
+    facts["provenance"] = {}
+    assert build_bundle(TINY, RandomWeights(TINY, 1), tmp_path / "w", **facts).is_dir()
+
+
+def test_windows_gives_the_same_bytes(tiny, tmp_path, monkeypatch):
+    archive.pack(tiny, tmp_path / "here.cairn")
+    # What differs there: line ends of text, and the system that `zipfile` writes down.
+    monkeypatch.setattr(Path, "write_text", lambda path, text, **_: path.write_bytes(text.replace("\n", "\r\n").encode()))
+    monkeypatch.setattr(zipfile, "sys", SimpleNamespace(platform="win32"))
+    assert zipfile.ZipInfo("name").create_system == 0
+    facts = {"name": "tiny", "provenance": {"seed": "1"}, "licence": Licence("CC0-1.0", b"No rights reserved.\n")}
+    made = build_bundle(TINY, RandomWeights(TINY, 1), tmp_path / "there", **facts)
+    assert {path.name: path.read_bytes() for path in made.iterdir()} == {path.name: path.read_bytes() for path in tiny.iterdir()}
+    packed = build_bundle(TINY, RandomWeights(TINY, 1), tmp_path / "there.cairn", **facts)
+    assert packed.read_bytes() == (tmp_path / "here.cairn").read_bytes()
+    with zipfile.ZipFile(packed) as entries:
+        assert {info.create_system for info in entries.infolist()} == {3}
 
 
 def test_the_table_of_the_released_shapes():

@@ -206,12 +206,21 @@ def test_a_product_of_blocks_costs_as_much_and_reads_less(tiny):
         (("--weights", 8, "--keep-16", "blocks.9"), "blocks.9: no stored tensor has this name"),
         (("--weights", 8, "--keep-16", "blocks.0,"), "no stored tensor has this name"),
         (("--weights", 8, "--keep-16", "block"), "block: no stored tensor has this name"),
+        (("--weights", 8, "--keep-16", ",".join(f"blocks.{i}" for i in range(8))), "blocks.7: with these names every matrix of the layers stays"),
     ],
 )
 def test_names_of_no_layer_are_refused(tiny, tmp_path, capsys, options, message):
     assert cli.main(["quantise", str(tiny), "--out", str(tmp_path / "out"), "--quiet", *map(str, options)]) == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_blocks_that_fit_no_matrix_are_refused():
+    # Its matrices have fewer rows than a block.
+    g = TINY.with_(width=8, heads=1, kv_heads=1, mlp_ratio=1)
+    with pytest.raises(BuildError, match="no matrix of the layers has a multiple of 256 rows") as refusal:
+        build_graphs(g, "f32", quantisation=Quantisation(8, 256, kept=()))
+    assert refusal.value.field == "--block 256"
 
 
 @pytest.mark.parametrize("how", [(5, 32, 16), (8, 24, 16), (8, 32, 4)])

@@ -36,7 +36,7 @@ def test_bytes_are_fixed_for_ever(tiny):
 
 
 def test_the_same_seed_gives_the_same_bundle_and_another_does_not(tiny, tmp_path):
-    facts = {"name": "tiny", "provenance": {"seed": "1"}, "licence": Licence("CC0-1.0", "No rights reserved.\n")}
+    facts = {"name": "tiny", "provenance": {"seed": "1"}, "licence": Licence("CC0-1.0", b"No rights reserved.\n")}
     again = build_bundle(TINY, RandomWeights(TINY, 1), tmp_path / "again", **facts)
     assert {p.name for p in again.iterdir()} == {p.name for p in tiny.iterdir()}
     for path in tiny.iterdir():

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import onnx
 import pytest
-from conftest import TINY
+from conftest import TINY, change_manifest, copied
 from onnx import TensorProto, helper
 
 from cairn.build import archive, cli
@@ -91,14 +91,12 @@ def split(packed):
 
 
 def test_a_bundle_of_another_program_is_refused(tiny, tmp_path):
-    folder = tmp_path / "foreign"
-    folder.mkdir()
-    for name, data in contents(tiny).items():
-        (folder / name).write_bytes(data)
+    folder = copied(tiny, tmp_path / "foreign")
     model = onnx.load(folder / "transformer.f32.onnx", load_external_data=False)
     for tensor in model.graph.initializer:
         tensor.name = "their." + tensor.name
     (folder / "transformer.f32.onnx").write_bytes(model.SerializeToString())
+    change_manifest(folder, lambda manifest: None)
     with pytest.raises(BuildError, match="name no such weight"):
         rebuild(folder, tmp_path / "again", progress=silent)
     assert not (tmp_path / "again").exists()

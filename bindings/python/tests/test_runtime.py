@@ -384,6 +384,34 @@ def test_a_restored_state_continues_bit_for_bit(world, tmp_path):
         assert other.info.latents == 4
 
 
+@pytest.mark.parametrize("sizes", [(100,), (100, 60), (100, 120), (100, 120, 120, 90), (100, 120, 120, 130)])
+def test_a_state_whose_size_changes_is_saved_whole(rollout, monkeypatch, sizes):
+    monkeypatch.setattr("cairn.rollout.call", _saving(iter(sizes), sizes[-1]))
+    assert rollout.save() == bytes([sizes[-1]]) * sizes[-1]
+
+
+@pytest.mark.parametrize("sizes", [(100, 120, 100), range(1, 100)])
+def test_a_state_that_cannot_be_saved_is_an_error(rollout, monkeypatch, sizes):
+    monkeypatch.setattr("cairn.rollout.call", _saving(iter(sizes), sizes[-1]))
+    with pytest.raises(cairn.InvalidArgument):
+        rollout.save()
+
+
+def _saving(sizes, last):
+    """A double of `call` whose state has the next size in each call."""
+
+    def call(name, handle, memory, capacity, size):
+        assert name == "rollout_save"
+        length = next(sizes, last)
+        if memory is not None and capacity < length:
+            raise cairn.InvalidArgument("the capacity is too small", -1, function=name, field="capacity", cause="", remedy="")
+        if memory is not None:
+            memory[:length] = bytes([length]) * length
+        size._obj.value = length
+
+    return call
+
+
 def test_four_pictures_are_one_latent(world):
     pictures = [np.roll(runtime.pattern(72, 128), 8 * i, axis=1) for i in range(4)]
     latents = []

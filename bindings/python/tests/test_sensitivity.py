@@ -1,5 +1,7 @@
 """The measurement of which layers to keep in 16 bits: its errors beside those of bundles that are quantised so, and the list it proposes."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from conftest import ROOT, TINY, relative, session
@@ -69,6 +71,21 @@ def test_a_bound_that_all_matrices_keep_to_needs_no_list(tiny):
 def test_no_error_can_be_asked_for_with_everything_in_16_bits(tiny):
     strict = measure(tiny, 4, bound=1e-7, walks=1, threads=1)
     assert strict.kept == tuple(f"blocks.{i}" for i in range(8)) and (strict.left, strict.kept_share) == (0.0, 1.0)
+    text = sensitivity.table(strict)
+    assert "for at most 0.000 %: nothing can be quantised; the least error of one matrix is " in text and "--keep-16" not in text
+
+
+def test_a_matrix_that_fits_alone_is_found():
+    """The large matrix is the last that the order keeps in 16 bits, and is beyond the bound; a small one is within."""
+    measurement = object.__new__(sensitivity._Measurement)
+    errors, sizes = {"blocks.0.large": 0.5, "blocks.1.small": 0.001, "blocks.1.other": 0.002}, (10**9, 4, 2)
+    measurement.quantisation, measurement.names, measurement.layers = Quantisation(8, kept=()), list(errors), ["blocks.0", "blocks.1"]
+    measurement.model = SimpleNamespace(matrices={name: SimpleNamespace(size=size) for name, size in zip(errors, sizes)})
+    measurement.progress, measurement.total = (lambda *_: None), 1
+    measurement.error = lambda names, what: float(np.sqrt(sum(errors[name] ** 2 for name in names)))
+    report = measurement.report(0.01)
+    assert (report.kept, report.left) == (("blocks.0", "blocks.1.other"), 0.001)
+    assert "--keep-16 blocks.0,blocks.1.other\n" in sensitivity.table(report)
 
 
 def test_the_default_of_the_embedded_world_is_found():

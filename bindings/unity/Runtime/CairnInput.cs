@@ -17,10 +17,15 @@ namespace Cairn.Unity
         [SerializeField, Tooltip("Keeps the cursor in the middle while the component is on.")]
         private bool lockCursor = true;
 
+        /// <summary>Largest mouse motion of a step in either direction; a world rejects controls beyond it.</summary>
+        private const float MaxMotion = 32768;
+
         private readonly object sampling = new object();
         private Vector2 moved;
         private float scrolled;
         private Key[] held = new Key[0];
+        /// <summary>Keys held in any frame since the last step, so that a key tapped between two steps counts.</summary>
+        private readonly HashSet<Key> touched = new HashSet<Key>();
 
         /// <summary>Factor on mouse movement.</summary>
         public float MouseSpeed
@@ -36,12 +41,17 @@ namespace Cairn.Unity
             set { lockCursor = value; }
         }
 
-        /// <summary>Takes the controls of a world's next step; each movement counts once. From any thread.</summary>
+        /// <summary>
+        /// Takes the controls of a world's next step: each movement counts once, and a key counts if it was held at any time since the last call.
+        /// From any thread.
+        /// </summary>
         public Controls Take()
         {
             lock (sampling)
             {
                 var controls = new Controls(held) { MouseX = moved.x, MouseY = moved.y, Scroll = scrolled };
+                foreach (Key key in touched) controls.Hold(key);
+                touched.Clear();
                 moved = Vector2.zero;
                 scrolled = 0;
                 return controls;
@@ -56,7 +66,11 @@ namespace Cairn.Unity
         private void OnDisable()
         {
             if (lockCursor) Cursor.lockState = CursorLockMode.None;
-            lock (sampling) held = new Key[0];
+            lock (sampling)
+            {
+                held = new Key[0];
+                touched.Clear();
+            }
         }
 
         private void Update()
@@ -68,10 +82,18 @@ namespace Cairn.Unity
             lock (sampling)
             {
                 held = keys.ToArray();
+                touched.UnionWith(held);
                 // Unity's y points up, a world's down.
-                moved += new Vector2(mouse.x, -mouse.y) * mouseSpeed;
-                scrolled += wheel;
+                moved = new Vector2(Add(moved.x, mouse.x * mouseSpeed), Add(moved.y, -mouse.y * mouseSpeed));
+                scrolled = Add(scrolled, wheel);
             }
+        }
+
+        /// <summary>The sum, clamped to the range of controls; an increment that is not finite counts as 0.</summary>
+        private static float Add(float sum, float increment)
+        {
+            if (float.IsNaN(increment) || float.IsInfinity(increment)) return sum;
+            return Mathf.Clamp(sum + increment, -MaxMotion, MaxMotion);
         }
     }
 }

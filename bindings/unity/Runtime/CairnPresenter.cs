@@ -60,6 +60,11 @@ namespace Cairn.Unity
         private PresenterOutput output = PresenterOutput.Screen;
 
         private readonly object pushing = new object();
+        // Copies of the properties that are read when the component is enabled.
+        private CairnWorld enabledWorld;
+        private PresenterFormat enabledFormat;
+        private PresenterOutput enabledOutput;
+        private int enabledMultiplier;
         private RenderTexture texture;
         private IntPtr pointer;
         private CommandBuffer commands;
@@ -232,6 +237,10 @@ namespace Cairn.Unity
                 missed = 0;
             }
             shownBefore = 0;
+            enabledWorld = world;
+            enabledFormat = format;
+            enabledOutput = output;
+            enabledMultiplier = multiplier;
             pipelines = Path.Combine(Application.persistentDataPath, "Cairn", "pipelines.bin");
             string why;
             if (!Plugin.IsReady(out why))
@@ -239,19 +248,19 @@ namespace Cairn.Unity
                 Fail(why);
                 return;
             }
-            if (world == null)
+            if (enabledWorld == null)
             {
                 Fail("The presenter has no world. Give it a Cairn World.");
                 return;
             }
             MakeTexture();
             commands = new CommandBuffer { name = "Cairn" };
-            world.Add(this);
+            enabledWorld.Add(this);
         }
 
         private void OnDisable()
         {
-            if (world != null) world.Remove(this);
+            if (enabledWorld != null) enabledWorld.Remove(this);
             Close();
             if (commands != null) commands.Release();
             commands = null;
@@ -262,7 +271,7 @@ namespace Cairn.Unity
         private void LateUpdate()
         {
             if (commands == null) return;
-            Device now = world == null ? null : world.Device;
+            Device now = enabledWorld == null ? null : enabledWorld.Device;
             if (now != device) Close();
             if (now == null) return;
             try
@@ -291,7 +300,7 @@ namespace Cairn.Unity
 
         private void OnGUI()
         {
-            if (output != PresenterOutput.Screen || texture == null || view == null) return;
+            if (enabledOutput != PresenterOutput.Screen || texture == null || view == null) return;
             if (Event.current.type != EventType.Repaint) return;
             var screen = new Rect(0, 0, UnityEngine.Screen.width, UnityEngine.Screen.height);
             GUI.DrawTextureWithTexCoords(screen, texture, Upright, false);
@@ -301,7 +310,7 @@ namespace Cairn.Unity
         {
             var made = new Presenter(new PresenterOptions
             {
-                Multiplier = multiplier, Width = width, Height = height, Letterbox = letterbox, Fsr = fsr, CatchUp = true,
+                Multiplier = enabledMultiplier, Width = width, Height = height, Letterbox = letterbox, Fsr = fsr, CatchUp = true,
                 ColourSpace = IsLinear ? ColourSpace.Linear : ColourSpace.Srgb,
             });
             lock (pushing)
@@ -346,7 +355,7 @@ namespace Cairn.Unity
         /// <summary>Whether frames are linear light, as shaders of a linear project expect of float textures.</summary>
         private bool IsLinear
         {
-            get { return format != PresenterFormat.ARGB32 && QualitySettings.activeColorSpace == ColorSpace.Linear; }
+            get { return enabledFormat != PresenterFormat.ARGB32 && QualitySettings.activeColorSpace == ColorSpace.Linear; }
         }
 
         private static RenderTextureFormat FormatOf(PresenterFormat format)
@@ -361,18 +370,18 @@ namespace Cairn.Unity
 
         private void MakeTexture()
         {
-            RenderTextureFormat wanted = FormatOf(format);
+            RenderTextureFormat wanted = FormatOf(enabledFormat);
             if (!SystemInfo.SupportsRenderTextureFormat(wanted))
             {
                 Fail($"This graphics card renders into no texture of {wanted}. Set Format to ARGB32.");
-                format = PresenterFormat.ARGB32;
+                enabledFormat = PresenterFormat.ARGB32;
                 wanted = RenderTextureFormat.ARGB32;
             }
             if (texture == null || texture.width != width || texture.height != height)
             {
                 DestroyTexture();
                 // Float textures have no sRGB conversion in the sampler.
-                RenderTextureReadWrite curve = format == PresenterFormat.ARGB32 ? RenderTextureReadWrite.sRGB : RenderTextureReadWrite.Linear;
+                RenderTextureReadWrite curve = enabledFormat == PresenterFormat.ARGB32 ? RenderTextureReadWrite.sRGB : RenderTextureReadWrite.Linear;
                 texture = new RenderTexture(width, height, 0, wanted, curve)
                 {
                     name = "Cairn", useMipMap = false, antiAliasing = 1, filterMode = FilterMode.Bilinear,
@@ -381,7 +390,7 @@ namespace Cairn.Unity
             texture.Create();
             // Queried once, because Unity waits for its render thread to answer.
             pointer = texture.GetNativeTexturePtr();
-            if (output == PresenterOutput.Renderer) AttachToRenderer();
+            if (enabledOutput == PresenterOutput.Renderer) AttachToRenderer();
         }
 
         private void DestroyTexture()

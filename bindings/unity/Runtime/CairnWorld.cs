@@ -328,6 +328,8 @@ namespace Cairn.Unity
                 RolloutInfo info = rollout.Info;
                 long interval = 1000000000 / Math.Max(1, info.LatentsPerSecond);
                 owner.SetState(WorldState.Running, $"{info.OperatingPoint}: {info.LatentsPerSecond} anchors a second");
+                // The player's input while the world was loading is not for its first step. Keys that are still held stay held.
+                if (input != null) input.Take();
                 long next = Clock.NowNs;
                 while (!IsStopping)
                 {

@@ -19,7 +19,10 @@ namespace Cairn.Unity
     internal static class Devices
     {
 #if CAIRN_BY_INPUT_SYSTEM || CAIRN_BY_INPUT_MANAGER
-        /// <summary>Physical keys; a world's keys are named after the US layout.</summary>
+        /// <summary>
+        /// Physical keys; a world's keys are named after the US layout. Both sides of Shift, Ctrl and Alt have the key's one code, with which
+        /// worlds are trained.
+        /// </summary>
         private static readonly Dictionary<On, Key> Known = new Dictionary<On, Key>
         {
             { On.A, Key.A }, { On.B, Key.B }, { On.C, Key.C }, { On.D, Key.D }, { On.E, Key.E }, { On.F, Key.F }, { On.G, Key.G },
@@ -30,8 +33,8 @@ namespace Cairn.Unity
             { On.F8, Key.F8 }, { On.F9, Key.F9 }, { On.F10, Key.F10 }, { On.F11, Key.F11 }, { On.F12, Key.F12 },
             { On.Space, Key.Space }, { On.Tab, Key.Tab }, { On.Backspace, Key.Backspace }, { On.Escape, Key.Escape },
             { On.LeftArrow, Key.Left }, { On.RightArrow, Key.Right }, { On.UpArrow, Key.Up }, { On.DownArrow, Key.Down },
-            { On.LeftShift, Key.LeftShift }, { On.RightShift, Key.RightShift }, { On.LeftAlt, Key.LeftAlt },
-            { On.RightAlt, Key.RightAlt }, { On.Insert, Key.Insert }, { On.Delete, Key.Delete }, { On.Home, Key.Home },
+            { On.LeftShift, Key.Shift }, { On.RightShift, Key.Shift }, { On.LeftAlt, Key.Alt },
+            { On.RightAlt, Key.Alt }, { On.Insert, Key.Insert }, { On.Delete, Key.Delete }, { On.Home, Key.Home },
             { On.End, Key.End }, { On.PageUp, Key.PageUp }, { On.PageDown, Key.PageDown }, { On.Semicolon, Key.Semicolon },
             { On.Equals, Key.EqualsSign }, { On.Comma, Key.Comma }, { On.Minus, Key.Minus }, { On.Period, Key.Period },
             { On.Slash, Key.Slash }, { On.LeftBracket, Key.LeftBracket }, { On.Backslash, Key.Backslash },
@@ -42,7 +45,7 @@ namespace Cairn.Unity
             { On.Digit8, Key.Digit8 }, { On.Digit9, Key.Digit9 }, { On.Numpad0, Key.Num0 }, { On.Numpad1, Key.Num1 },
             { On.Numpad2, Key.Num2 }, { On.Numpad3, Key.Num3 }, { On.Numpad4, Key.Num4 }, { On.Numpad5, Key.Num5 },
             { On.Numpad6, Key.Num6 }, { On.Numpad7, Key.Num7 }, { On.Numpad8, Key.Num8 }, { On.Numpad9, Key.Num9 },
-            { On.Enter, Key.Enter }, { On.LeftCtrl, Key.LeftCtrl }, { On.RightCtrl, Key.RightCtrl },
+            { On.Enter, Key.Enter }, { On.LeftCtrl, Key.Ctrl }, { On.RightCtrl, Key.Ctrl },
             { On.Backquote, Key.Backquote },
 #else
             { On.Alpha0, Key.Digit0 }, { On.Alpha1, Key.Digit1 }, { On.Alpha2, Key.Digit2 }, { On.Alpha3, Key.Digit3 },
@@ -50,7 +53,7 @@ namespace Cairn.Unity
             { On.Alpha8, Key.Digit8 }, { On.Alpha9, Key.Digit9 }, { On.Keypad0, Key.Num0 }, { On.Keypad1, Key.Num1 },
             { On.Keypad2, Key.Num2 }, { On.Keypad3, Key.Num3 }, { On.Keypad4, Key.Num4 }, { On.Keypad5, Key.Num5 },
             { On.Keypad6, Key.Num6 }, { On.Keypad7, Key.Num7 }, { On.Keypad8, Key.Num8 }, { On.Keypad9, Key.Num9 },
-            { On.Return, Key.Enter }, { On.LeftControl, Key.LeftCtrl }, { On.RightControl, Key.RightCtrl },
+            { On.Return, Key.Enter }, { On.LeftControl, Key.Ctrl }, { On.RightControl, Key.Ctrl },
             { On.BackQuote, Key.Backquote }, { On.Mouse0, Key.MouseLeft }, { On.Mouse1, Key.MouseRight },
             { On.Mouse2, Key.MouseMiddle },
 #endif

@@ -1,7 +1,29 @@
-// The parts of Unity's engine that the package uses, declared without implementation so that it compiles without Unity. Names and types are
-// those of Unity's manual.
+// The parts of Unity's engine that the package uses, so that it compiles without Unity. Names and types are those of Unity's manual. Input, the
+// components of an object and textures are implemented as far as the tests of the components need them.
 
 using System;
+using System.Collections.Generic;
+using System.Linq;
+using Cairn.Unity.Tests;
+
+namespace Cairn.Unity.Tests
+{
+    /// <summary>What the declarations below report; set by the tests.</summary>
+    public static class EngineDouble
+    {
+        /// <summary>Names of the keys that are held, in either input system.</summary>
+        public static readonly HashSet<string> Held = new HashSet<string>();
+
+        /// <summary>Movement of the mouse in the current frame, in pixels.</summary>
+        public static UnityEngine.Vector2 Mouse;
+
+        /// <summary>Movement of the wheel in the current frame.</summary>
+        public static float Wheel;
+
+        /// <summary>Components beside every component.</summary>
+        public static readonly List<UnityEngine.Component> Components = new List<UnityEngine.Component>();
+    }
+}
 
 namespace UnityEngine
 {
@@ -38,11 +60,16 @@ namespace UnityEngine
     {
         public T GetComponent<T>()
         {
-            return default(T);
+            return EngineDouble.Components.OfType<T>().FirstOrDefault();
         }
     }
 
     public class Behaviour : Component
+    {
+    }
+
+    // Not used by the package: a game's scripts use it beside the namespace Cairn.
+    public sealed class Camera : Behaviour
     {
     }
 
@@ -98,7 +125,12 @@ namespace UnityEngine
     {
         public RenderTexture(int width, int height, int depth, RenderTextureFormat format, RenderTextureReadWrite readWrite)
         {
+            this.width = width;
+            this.height = height;
+            this.format = format;
         }
+
+        public RenderTextureFormat format { get; set; }
 
         public bool useMipMap { get; set; }
 
@@ -255,6 +287,11 @@ namespace UnityEngine
         {
             return Math.Min(one, other);
         }
+
+        public static float Clamp(float value, float min, float max)
+        {
+            return value < min ? min : value > max ? max : value;
+        }
     }
 
     public static class Debug
@@ -265,10 +302,12 @@ namespace UnityEngine
 
         public static void LogError(object message)
         {
+            Console.Error.WriteLine(message);
         }
 
         public static void LogError(object message, Object context)
         {
+            LogError(message);
         }
     }
 
@@ -372,17 +411,18 @@ namespace UnityEngine
     {
         public static Vector2 mouseScrollDelta
         {
-            get { return Vector2.zero; }
+            get { return new Vector2(0, EngineDouble.Wheel); }
         }
 
         public static bool GetKey(KeyCode key)
         {
-            return false;
+            return EngineDouble.Held.Contains(key.ToString());
         }
 
         public static float GetAxisRaw(string axisName)
         {
-            return 0;
+            // One unit is 20 pixels.
+            return (axisName == "Mouse X" ? EngineDouble.Mouse.x : EngineDouble.Mouse.y) / 20;
         }
     }
 
@@ -457,10 +497,7 @@ namespace UnityEngine.InputSystem
 
     public static class InputSystem
     {
-        public static InputSettings settings
-        {
-            get { return null; }
-        }
+        public static InputSettings settings { get; } = new InputSettings();
     }
 
     public class InputSettings
@@ -475,47 +512,46 @@ namespace UnityEngine.InputSystem
 
     public class Keyboard
     {
-        public static Keyboard current
-        {
-            get { return null; }
-        }
+        public static Keyboard current { get; } = new Keyboard();
 
         public Controls.KeyControl this[Key key]
         {
-            get { return null; }
+            get { return new Controls.KeyControl { isPressed = EngineDouble.Held.Contains(key.ToString()) }; }
         }
     }
 
     public class Mouse
     {
-        public static Mouse current
-        {
-            get { return null; }
-        }
+        public static Mouse current { get; } = new Mouse();
 
         public Controls.ButtonControl leftButton
         {
-            get { return null; }
+            get { return Button("Mouse0"); }
         }
 
         public Controls.ButtonControl rightButton
         {
-            get { return null; }
+            get { return Button("Mouse1"); }
         }
 
         public Controls.ButtonControl middleButton
         {
-            get { return null; }
+            get { return Button("Mouse2"); }
         }
 
         public Controls.Vector2Control delta
         {
-            get { return null; }
+            get { return new Controls.Vector2Control(EngineDouble.Mouse); }
         }
 
         public Controls.Vector2Control scroll
         {
-            get { return null; }
+            get { return new Controls.Vector2Control(new Vector2(0, EngineDouble.Wheel)); }
+        }
+
+        private static Controls.ButtonControl Button(string name)
+        {
+            return new Controls.ButtonControl { isPressed = EngineDouble.Held.Contains(name) };
         }
     }
 }
@@ -524,10 +560,7 @@ namespace UnityEngine.InputSystem.Controls
 {
     public class ButtonControl
     {
-        public bool isPressed
-        {
-            get { return false; }
-        }
+        public bool isPressed { get; internal set; }
     }
 
     public class KeyControl : ButtonControl
@@ -536,9 +569,16 @@ namespace UnityEngine.InputSystem.Controls
 
     public class Vector2Control
     {
+        private readonly Vector2 value;
+
+        internal Vector2Control(Vector2 value)
+        {
+            this.value = value;
+        }
+
         public Vector2 ReadValue()
         {
-            return Vector2.zero;
+            return value;
         }
     }
 }

@@ -10,6 +10,9 @@ use crate::{Error, Progress, Result, cache, process};
 /// The version Cairn is built for and tested with.
 pub const VERSION: &str = "1.24.4";
 
+/// The version of `DirectML.dll` in its package for Windows, which has other terms than the package and does not contain them.
+pub const DIRECTML_VERSION: &str = "1.15.4";
+
 /// The newest version that Cairn is tested with.
 pub const NEWEST_VERSION: &str = "1.32.0";
 
@@ -60,7 +63,7 @@ const WINDOWS_X86_64: Source = Source {
         ("DirectML.dll", "c07cb8c2f870f0152bfb690f64c4b048e78bbc219efad420a9758fc896cbecb0"),
     ],
 };
-/// The licence files of the Windows library, in the same wheel.
+/// The licence files of `onnxruntime.dll`, in the same wheel. They do not cover `DirectML.dll`.
 const WINDOWS_TERMS: Source = Source {
     folder: "onnxruntime",
     files: &[
@@ -195,7 +198,8 @@ pub fn onnxruntime_for_windows(progress: &dyn Progress) -> Result<PathBuf> {
     }
 }
 
-/// The files that accompany a program for Windows: `onnxruntime.dll`, `DirectML.dll`, and ONNX Runtime's licence files.
+/// The files that accompany a program for Windows: `onnxruntime.dll`, `DirectML.dll`, and ONNX Runtime's licence files. DirectML's are in its NuGet
+/// package only.
 ///
 /// # Errors
 /// As [`onnxruntime`].

@@ -22,6 +22,10 @@ const LINUX: &str = include_str!("pages/linux.md");
 const RUNTIME: &str = include_str!("pages/runtime.md");
 const AMD: &str = include_str!("pages/amd.md");
 
+/// The page of DirectML's terms, which is beside every copy of `DirectML.dll`.
+pub(crate) const DIRECTML_TERMS: &str = "DirectML-LICENSE.txt";
+const DIRECTML: &str = include_str!("pages/DirectML-LICENSE.txt");
+
 /// Files for build systems.
 const CMAKE: &str = include_str!("pages/CairnConfig.cmake");
 const CMAKE_VERSION: &str = include_str!("pages/CairnConfigVersion.cmake");
@@ -47,7 +51,7 @@ pub(super) fn archive_tree(
     }
     let slim_mark = if slim { "-slim" } else { "" };
     let mut tree = Tree::new(format!("cairn-{version}-{}{slim_mark}", platform.name()));
-    let fill = |page: &str| page.replace("@VERSION@", version).replace("@ONNXRUNTIME@", provision::ONNXRUNTIME_VERSION);
+    let fill = |page: &str| with_runtime_versions(&page.replace("@VERSION@", version));
 
     for file in ["LICENSE-APACHE", "LICENSE-MIT", "CHANGELOG.md", "samples/worlds/place.ppm"] {
         tree.add_file(file, &workspace.root.join(file))?;
@@ -93,9 +97,8 @@ pub(super) fn archive_tree(
         }
     }
     if runtimes && !slim {
-        for file in provision::onnxruntime_with_terms(&Console::new()).map_err(|e| e.to_string())? {
-            let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            tree.add_file(format!("runtime/{name}"), &file)?;
+        for (name, bytes) in runtime_files()? {
+            tree.add(format!("runtime/{name}"), bytes)?;
         }
         tree.add("runtime/README.md", fill(RUNTIME))?;
     }
@@ -104,6 +107,21 @@ pub(super) fn archive_tree(
     }
     tree.relink(&[(unity::PACKAGE, unity::FOLDER), (unreal::SOURCE, unreal::FOLDER)]);
     Ok(Some(tree))
+}
+
+/// A page with the versions of Microsoft's libraries.
+fn with_runtime_versions(page: &str) -> String {
+    page.replace("@ONNXRUNTIME@", provision::ONNXRUNTIME_VERSION).replace("@DIRECTML@", provision::DIRECTML_VERSION)
+}
+
+/// Microsoft's libraries with their licence files, by name.
+pub(super) fn runtime_files() -> Result<Vec<(String, Vec<u8>)>, String> {
+    let mut files = vec![(DIRECTML_TERMS.to_owned(), with_runtime_versions(DIRECTML).into_bytes())];
+    for path in provision::onnxruntime_with_terms(&Console::new()).map_err(|e| e.to_string())? {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        files.push((name, std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?));
+    }
+    Ok(files)
 }
 
 /// Pages of the book that a host's programmers do not need: how Cairn itself is developed, and whole runs of the comparison and of a
@@ -127,4 +145,18 @@ fn book_files(workspace: &Workspace) -> Result<BTreeSet<String>, String> {
         files.insert(chapter);
     }
     Ok(files)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_page_of_directml_leads_to_the_terms_of_its_version() {
+        let page = with_runtime_versions(DIRECTML);
+        let terms =
+            format!("https://www.nuget.org/packages/Microsoft.AI.DirectML/{}/License", provision::DIRECTML_VERSION);
+        assert!(page.contains(&terms) && !page.contains('@'), "{page}");
+        assert!(with_runtime_versions(RUNTIME).contains(&terms) && RUNTIME.contains(DIRECTML_TERMS));
+    }
 }

@@ -8,9 +8,11 @@ use std::process::Command;
 
 use implib::{Flavor, ImportLibrary, MachineType};
 use jiff::Timestamp;
-use object::Object;
+use object::elf::{DT_SONAME, FileHeader64};
+use object::read::elf::{Dyn as _, FileHeader as _};
 use object::read::pe::PeFile64;
 use object::read::{NameOrOrdinal, ReadRef};
+use object::{Endianness, Object};
 use provision::{Console, tools};
 
 use super::Platform;
@@ -188,7 +190,11 @@ fn link(workspace: &Workspace, work: &Path) -> Result<PathBuf, String> {
         command.arg("-L").arg(format!("dependency={}", compiled.join("deps").display()));
         match kind {
             "bin" => command.arg("-o").arg(linked.join(name)),
-            _ => command.arg("--out-dir").arg(&linked),
+            // As the package's build script does for cargo.
+            _ => command
+                .arg(format!("-Clink-arg=-Wl,-soname,{}", names(Platform::Linux)[0]))
+                .arg("--out-dir")
+                .arg(&linked),
         };
         tools::by_zig(command.arg(source).current_dir(&workspace.root), &Console::new()).map_err(|e| e.to_string())?;
         pass_through(&mut command)?;
@@ -275,6 +281,19 @@ fn import_library(name: &str, dll: &[u8]) -> Result<Vec<u8>, String> {
     let mut bytes = Cursor::new(Vec::new());
     library.write_to(&mut bytes).map_err(|e| failed(&e))?;
     Ok(bytes.into_inner())
+}
+
+/// The `DT_SONAME` of a shared library for Linux: the name by which programs that are linked with it look for it.
+pub(crate) fn soname(library: &[u8]) -> Result<Option<String>, String> {
+    let failed = |e: object::read::Error| format!("the built library is no ELF file: {e}");
+    let header = FileHeader64::<Endianness>::parse(library).map_err(failed)?;
+    let endian = header.endian().map_err(failed)?;
+    let sections = header.sections(endian, library).map_err(failed)?;
+    let Some((entries, strings)) = sections.dynamic(endian, library).map_err(failed)? else { return Ok(None) };
+    let strings = sections.strings(endian, library, strings).map_err(failed)?;
+    let Some(entry) = entries.iter().find(|entry| entry.tag(endian) == DT_SONAME) else { return Ok(None) };
+    let name = entry.string(endian, strings).map_err(failed)?;
+    Ok(Some(String::from_utf8_lossy(name).into_owned()))
 }
 
 /// Names of a DLL's exports.

@@ -21,9 +21,9 @@ use sha2::{Digest, Sha256};
 use crate::cli::DistOptions;
 use crate::workspace::Workspace;
 
-pub(crate) use contents::TERMS;
+pub(crate) use contents::{DIRECTML_TERMS, TERMS};
 use dependencies::Part;
-pub(crate) use library::{Source, exports};
+pub(crate) use library::{Source, exports, soname};
 use sbom::Classification;
 use tree::Tree;
 pub(crate) use unreal::{PLUGIN as UNREAL, assemble as assemble_unreal};

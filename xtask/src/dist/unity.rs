@@ -1,9 +1,8 @@
 //! The package for Unity: its own files, the C# binding unchanged, the plugin, and Unity's `.meta` file beside every file.
 
-use provision::Console;
 use sha2::{Digest, Sha256};
 
-use super::contents::TERMS;
+use super::contents::{TERMS, runtime_files};
 use super::tree::Tree;
 use crate::workspace::Workspace;
 
@@ -22,7 +21,7 @@ pub(crate) fn is_package(file: &str) -> bool {
         .is_some_and(|file| !file.starts_with("plugin/") && !file.starts_with("tests/") && file != "README.md")
 }
 
-/// Adds the package to an archive that already has the licence files; with `runtimes`, also Microsoft's libraries beside the plugin.
+/// Adds the package to an archive that already has the licence files; with `runtimes`, also Microsoft's libraries and their terms beside the plugin.
 pub(super) fn add(tree: &mut Tree, workspace: &Workspace, plugin: &[u8], runtimes: bool) -> Result<(), String> {
     let mut files = Vec::new();
     for file in workspace.files()? {
@@ -40,13 +39,7 @@ pub(super) fn add(tree: &mut Tree, workspace: &Workspace, plugin: &[u8], runtime
     files.push(("Samples~/Walk/Place.bytes".to_owned(), picture));
     files.push((format!("{PLUGINS}cairn_unity.dll"), plugin.to_vec()));
     if runtimes {
-        for file in provision::onnxruntime_with_terms(&Console::new()).map_err(|e| e.to_string())? {
-            let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            files.push((
-                format!("{PLUGINS}{name}"),
-                std::fs::read(&file).map_err(|e| format!("{}: {e}", file.display()))?,
-            ));
-        }
+        files.extend(runtime_files()?.into_iter().map(|(name, bytes)| (format!("{PLUGINS}{name}"), bytes)));
     }
     for (name, beside) in descriptions(files.iter().map(|(name, _)| name.as_str()).chain(TERMS)) {
         tree.add(format!("{FOLDER}{name}"), beside)?;

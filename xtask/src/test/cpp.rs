@@ -1,4 +1,4 @@
-//! `include/cairn.hpp`: it covers all of `cairn.h`, every compiler accepts it with exceptions and without, and a program verifies its
+//! `include/cairn.hpp`: it covers all of `cairn.h`, every compiler accepts it with exceptions and without, and programs verify its
 //! behaviour.
 
 use std::fs;
@@ -14,6 +14,12 @@ use provision::tools;
 
 const HEADER: &str = "include/cairn.hpp";
 const PROGRAM: &str = "tests/abi/wrapper.cpp";
+
+/// The program whose functions of `cairn.h` are test doubles; it does not need the library.
+const DOUBLE: &str = "tests/abi/wrapper_double.cpp";
+
+/// The program that is compiled in both ways and linked as one.
+const MIXED: &str = "tests/abi/wrapper_mixed.cpp";
 
 /// With exceptions, which is the default, and without.
 const WAYS: [(&str, &[&str]); 2] = [("with exceptions", &[]), ("without exceptions", &["-fno-exceptions"])];
@@ -35,7 +41,9 @@ pub(super) fn run(
     let twice = "#include \"cairn.hpp\"\n#include \"cairn.hpp\"\n\nint cairn_test_header();\n\
                  int cairn_test_header()\n{\n    return cairn::device() ? 1 : 0;\n}\n";
     let root = &context.workspace.root;
-    let sources = [write("alone-hpp.cpp", twice)?, write("loop-hpp.cpp", &example(&header)?)?, root.join(PROGRAM)];
+    let programs = [PROGRAM, MIXED].map(|program| root.join(program));
+    let mut sources = vec![write("alone-hpp.cpp", twice)?, write("loop-hpp.cpp", &example(&header)?)?];
+    sources.extend(programs);
     let strict = |command: &mut Command| {
         // Hosts may use stricter flags than we do for our own sources.
         command.arg("-std=c++17").args(STRICT).arg("-Wshadow").arg("-I").arg(root.join("include"));
@@ -55,20 +63,43 @@ pub(super) fn run(
         return Ok(());
     };
     let folder = library.parent().unwrap_or(Path::new("."));
-    for (how, flags) in WAYS {
-        let program = work.join(format!("wrapper-{}", how.replace(' ', "-")));
+    let run_path = format!("-Wl,-rpath,{}", folder.display());
+    let compile = |flags: &[&str], source: &str| {
         let mut command = Command::new(&compiler);
         strict(&mut command);
-        command.args(flags).arg("-g").arg(root.join(PROGRAM)).arg(library);
-        command.arg(format!("-Wl,-rpath,{}", folder.display())).arg("-o").arg(&program);
-        let name = format!("{PROGRAM} {how}");
-        if !log.run(&mut command)?.success {
-            tally.failures.push(format!("{name} does not compile"));
-            continue;
+        command.args(flags).arg("-g").arg(root.join(source));
+        command
+    };
+    for (how, flags) in WAYS {
+        for (source, linked) in [(PROGRAM, true), (DOUBLE, false)] {
+            let stem = Path::new(source).file_stem().unwrap_or_default().to_string_lossy();
+            let program = work.join(format!("{stem}-{}", how.replace(' ', "-")));
+            let mut command = compile(flags, source);
+            if linked {
+                command.arg(library).arg(&run_path);
+            }
+            let name = format!("{source} {how}");
+            if !log.run(command.arg("-o").arg(&program))?.success {
+                tally.failures.push(format!("{name} does not compile"));
+                continue;
+            }
+            let mut command = Command::new(&program);
+            context.provide_worlds(command.current_dir(work))?;
+            abi::count(&name, &log.run(&mut command)?, tally);
         }
-        let mut command = Command::new(&program);
-        context.provide_worlds(command.current_dir(work))?;
-        abi::count(&name, &log.run(&mut command)?, tally);
+    }
+    // The part without exceptions comes first: of two functions of the same name, the linker keeps the first.
+    let [with, without] = ["with", "without"].map(|how| work.join(format!("wrapper_mixed-{how}.o")));
+    let program = work.join("wrapper_mixed");
+    let mut link = Command::new(&compiler);
+    link.args([&without, &with]).arg(library).arg(&run_path).arg("-o").arg(&program);
+    let built = log.run(compile(WAYS[0].1, MIXED).arg("-c").arg("-o").arg(&with))?.success
+        && log.run(compile(WAYS[1].1, MIXED).arg("-c").arg("-o").arg(&without))?.success
+        && log.run(&mut link)?.success;
+    if built {
+        abi::count(MIXED, &log.run(&mut Command::new(&program))?, tally);
+    } else {
+        tally.failures.push(format!("{MIXED} does not compile"));
     }
     Ok(())
 }

@@ -70,6 +70,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     for root in [&windows, &slim] {
         tally.check(unity(root)?);
         tally.check(without_terms(root)?);
+        tally.check(directml_without_terms(root)?);
     }
     for root in [&windows, &slim, &linux] {
         tally.check(missing_files(root)?);
@@ -84,6 +85,12 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     tally.check(unlisted_parts(&linux, CHECK_LISTS, &["glibc-start"])?);
     for file in ["lib/libcairn.so", "debug/libcairn.so.debug", "bin/cairn-check"] {
         tally.check(build_specific_text(&linux.join(file))?);
+    }
+    for library in [linux.join("lib/libcairn.so"), context.workspace.target.join("debug/libcairn.so")] {
+        let bytes = fs::read(&library).map_err(|e| format!("{}: {e}", library.display()))?;
+        let name = dist::soname(&bytes)?;
+        let wrong = name.as_deref() != Some("libcairn.so");
+        tally.check(wrong.then(|| format!("{} is named {name:?} for programs", library.display())));
     }
     let unity = "unity/com.cairn.unity/Plugins/x86_64/cairn_unity.dll";
     for file in ["bin/cairn.dll", "debug/cairn.dll.debug", "bin/cairn-check.exe", unity] {
@@ -322,6 +329,24 @@ fn without_terms(root: &Path) -> Result<Option<String>, String> {
     Ok((!missing.is_empty()).then(|| format!("not the archive's own: {missing:?}")))
 }
 
+/// Copies of `DirectML.dll` that have another version than the page of its terms, or are without that page. ONNX Runtime's licence is beside them.
+fn directml_without_terms(root: &Path) -> Result<Option<String>, String> {
+    let mut wrong = Vec::new();
+    let copies = files(root)?.into_iter().filter(|file| file.ends_with("DirectML.dll"));
+    let version: Vec<u8> =
+        format!("{}+", provision::DIRECTML_VERSION).encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let licence = format!("nuget.org/packages/Microsoft.AI.DirectML/{}/License", provision::DIRECTML_VERSION);
+    for copy in copies {
+        let bytes = fs::read(&copy).map_err(|e| format!("{}: {e}", copy.display()))?;
+        let page = fs::read_to_string(copy.with_file_name(dist::DIRECTML_TERMS)).unwrap_or_default();
+        let is_that_version = bytes.windows(version.len()).any(|part| part == version);
+        if !is_that_version || !page.contains(&licence) {
+            wrong.push(copy);
+        }
+    }
+    Ok((!wrong.is_empty()).then(|| format!("not with the terms of their version: {wrong:?}")))
+}
+
 /// Folders and tools for building hosts.
 struct HostBuilds<'a> {
     context: &'a Context<'a>,
@@ -376,6 +401,8 @@ impl HostBuilds<'_> {
         let named = refused.output.contains("CairnConfig.cmake, version: 0.1");
         tally.test((refused.success || !named).then(|| "a later version is found where this one is".to_owned()));
 
+        self.with_library_beside(log, root, cc, tally)?;
+
         if tools::on_path("pkg-config").is_none() {
             let reason = "needs pkg-config: apt install pkg-config";
             tally.skips.push(Skip { name: "the archive by pkg-config".into(), reason: reason.into() });
@@ -390,6 +417,30 @@ impl HostBuilds<'_> {
         command.env("PKG_CONFIG_PATH", root.join("lib").join("pkgconfig"));
         let right = log.run(&mut command)?.success && log.run(&mut Command::new(&program))?.success;
         tally.test((!right).then(|| "pkg-config does not lead to the library".to_owned()));
+        Ok(())
+    }
+
+    /// As `docs/troubleshooting.md` says: a program with the library beside it starts with `$ORIGIN` as its run path, and not without. It is linked
+    /// with the library's path, which a library without a `DT_SONAME` would make the program depend on.
+    fn with_library_beside(&self, log: &mut Log, root: &Path, cc: &Path, tally: &mut Tally) -> Result<(), String> {
+        let folder = self.work.join("beside");
+        let source = self.write("beside", "game.c", HOST)?;
+        let library = folder.join("libcairn.so");
+        fs::copy(root.join("lib/libcairn.so"), &library).map_err(|e| format!("{}: {e}", library.display()))?;
+        let moved = folder.join("elsewhere");
+        fs::create_dir_all(&moved).map_err(|e| format!("{}: {e}", moved.display()))?;
+        for (name, flags, starts) in [("game", &["-Wl,-rpath,$ORIGIN"][..], true), ("game-without", &[], false)] {
+            let mut command = Command::new(cc);
+            command.arg("-std=c11").arg("-I").arg(root.join("include")).arg(&source).arg(&library);
+            let linked = log.run(command.args(flags).arg("-o").arg(folder.join(name)))?.success;
+            // Both move to a folder in which the program was not linked.
+            for file in [name, "libcairn.so"] {
+                fs::copy(folder.join(file), moved.join(file)).map_err(|e| format!("{file}: {e}"))?;
+            }
+            let started = log.run(Command::new(moved.join(name)).env_remove("LD_LIBRARY_PATH"))?.success;
+            let wrong = !linked || started != starts;
+            tally.test(wrong.then(|| format!("{name} with libcairn.so beside it: linked {linked}, started {started}")));
+        }
         Ok(())
     }
 
@@ -472,4 +523,30 @@ fn rust_lld() -> Result<Option<PathBuf>, String> {
     let host = format!("lib/rustlib/{}-unknown-linux-gnu/bin/rust-lld", std::env::consts::ARCH);
     let program = Path::new(sysroot.trim()).join(host);
     Ok(program.is_file().then_some(program))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directml_without_the_terms_of_its_version_is_found() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("runtime");
+        fs::create_dir(&folder).unwrap();
+        let library = |version: &str| {
+            let text: Vec<u8> =
+                format!("ProductVersion {version}+2").encode_utf16().flat_map(u16::to_le_bytes).collect();
+            fs::write(folder.join("DirectML.dll"), text).unwrap();
+        };
+        assert_eq!(directml_without_terms(root.path()), Ok(None));
+        library(provision::DIRECTML_VERSION);
+        assert!(directml_without_terms(root.path()).unwrap().is_some());
+        let licence =
+            format!("https://www.nuget.org/packages/Microsoft.AI.DirectML/{}/License", provision::DIRECTML_VERSION);
+        fs::write(folder.join(dist::DIRECTML_TERMS), licence).unwrap();
+        assert_eq!(directml_without_terms(root.path()), Ok(None));
+        library("1.15.2");
+        assert!(directml_without_terms(root.path()).unwrap().is_some());
+    }
 }

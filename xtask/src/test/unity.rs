@@ -1,14 +1,16 @@
 //! `bindings/unity`: every C# file of the package, and every script on its pages, compiles against declarations of Unity's interface for
-//! each input system that a project can have; its manifests are correct; and the scripts declare the plugin's functions by their right
-//! names.
+//! each input system that a project can have; its components work with test doubles of Unity and of the plugin; its manifests are correct; and
+//! the scripts declare the plugin's functions by their right names.
 
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use provision::Mono;
 use serde_json::Value;
 
+use super::abi;
 use super::blocks;
 use super::tally::Tally;
 use crate::dist::unity::{PACKAGE, is_package};
@@ -37,10 +39,20 @@ const ASSEMBLIES: [(&str, &str); 3] =
 /// Assemblies that come from elsewhere, or that a project may lack.
 const FOREIGN: [&str; 1] = ["Unity.InputSystem"];
 
+/// The components' assembly, and the sources of its tests.
+const COMPONENTS: &str = "Cairn.Unity";
+const TESTS: [&str; 2] = ["bindings/csharp/tests/Harness.cs", "bindings/unity/tests/ComponentTests.cs"];
+
+/// The program of these tests.
+const RUN: &str = "Cairn.Unity.Tests";
+
+/// The test double of the plugin.
+const PLUGIN: &str = "bindings/unity/tests/plugin.c";
+
 const ENTRY_POINTS: &str = "bindings/unity/plugin/src/entry_points.rs";
 const SCRIPT: &str = "bindings/unity/Runtime/Plugin.cs";
 
-/// Checks the package; `binding` is the assembly of `bindings/csharp/src`.
+/// Checks the package; `binding` is the assembly of `bindings/csharp/src`, beside the library that the components run with.
 pub(super) fn check(
     workspace: &Workspace,
     mono: &Mono,
@@ -54,31 +66,30 @@ pub(super) fn check(
 
     let work = binding.with_file_name("unity");
     fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
-    let mut compile = |name: &str, sources: &[PathBuf], references: &[PathBuf], defines: &[&str], words: bool| {
-        let out = work.join(format!("{name}.dll"));
-        let mut command = mono.compiler();
-        command.args([
-            "-target:library",
-            "-langversion:7.2",
-            "-unsafe",
-            "-warnaserror+",
-            "-warn:4",
-            "-r:System.Core.dll",
-        ]);
-        command.args(defines).args(sources).arg(format!("-out:{}", out.display()));
-        command.args(references.iter().map(|reference| format!("-r:{}", reference.display())));
-        if words {
-            // With `-doc` an undocumented public item is a warning, and so an error.
-            command.arg(format!("-doc:{}", work.join(format!("{name}.xml")).display()));
-        }
-        let compiled = log.run(&mut command)?.success;
-        Ok::<_, String>((out, (!compiled).then(|| format!("{name} of {PACKAGE} does not compile, with {defines:?}"))))
-    };
+    let compile =
+        |log: &mut Log, name: &str, sources: &[PathBuf], references: &[PathBuf], defines: &[&str], words: bool| {
+            let out = work.join(format!("{name}.dll"));
+            let mut command = mono.compiler();
+            command.arg(if name == RUN { "-target:exe" } else { "-target:library" });
+            command.args(["-langversion:7.2", "-unsafe", "-warnaserror+", "-warn:4", "-r:System.Core.dll"]);
+            command.args(defines).args(sources).arg(format!("-out:{}", out.display()));
+            command.args(references.iter().map(|reference| format!("-r:{}", reference.display())));
+            if words {
+                // With `-doc` an undocumented public item is a warning, and so an error.
+                command.arg(format!("-doc:{}", work.join(format!("{name}.xml")).display()));
+            }
+            let compiled = log.run(&mut command)?.success;
+            Ok::<_, String>((
+                out,
+                (!compiled).then(|| format!("{name} of {PACKAGE} does not compile, with {defines:?}")),
+            ))
+        };
+    make_plugin(workspace, log, binding, &work)?;
     let declared = |file: &str| [workspace.root.join(PACKAGE).join("tests").join(file)];
-    let (engine, failure) = compile("UnityEngine", &declared("UnityEngine.cs"), &[], &[], false)?;
+    let (engine, failure) = compile(log, "UnityEngine", &declared("UnityEngine.cs"), &[], &[], false)?;
     tally.check(failure);
     let (editor, failure) =
-        compile("UnityEditor", &declared("UnityEditor.cs"), std::slice::from_ref(&engine), &[], false)?;
+        compile(log, "UnityEditor", &declared("UnityEditor.cs"), std::slice::from_ref(&engine), &[], false)?;
     tally.check(failure);
     let mut references = vec![engine, editor, binding.to_owned()];
     let mut compiled = 0;
@@ -90,11 +101,21 @@ pub(super) fn check(
         };
         let sources: Vec<PathBuf> = files.iter().filter(is_own).map(|file| workspace.root.join(file)).collect();
         compiled += sources.len();
-        let inputs = if name == "Cairn.Unity" { &INPUTS[..] } else { &INPUTS[INPUTS.len() - 1..] };
+        let inputs = if name == COMPONENTS { &INPUTS[..] } else { &INPUTS[INPUTS.len() - 1..] };
         let mut made = None;
         for defines in inputs {
-            let (out, failure) = compile(name, &sources, &references, defines, true)?;
+            let (out, failure) = compile(log, name, &sources, &references, defines, true)?;
+            let is_compiled = failure.is_none();
             tally.check(failure);
+            if name == COMPONENTS && is_compiled && !defines.is_empty() {
+                let references = [references.as_slice(), std::slice::from_ref(&out)].concat();
+                let (tests, failure) =
+                    compile(log, RUN, &TESTS.map(|file| workspace.root.join(file)), &references, &[], false)?;
+                match failure {
+                    Some(failure) => tally.failures.push(failure),
+                    None => run_components(mono, log, &tests, defines, tally)?,
+                }
+            }
             made = Some(out);
         }
         references.extend(made);
@@ -111,8 +132,32 @@ pub(super) fn check(
         }
     }
     tally.check(shown.is_empty().then(|| format!("no page of {PACKAGE} shows a script")));
-    let (_, failure) = compile("Pages", &shown, &references, &[], false)?;
+    let (_, failure) = compile(log, "Pages", &shown, &references, &[], false)?;
     tally.check(failure);
+    Ok(())
+}
+
+/// Compiles the test double of the plugin into a folder. It is linked with the library beside the binding.
+fn make_plugin(workspace: &Workspace, log: &mut Log, binding: &Path, work: &Path) -> Result<(), String> {
+    // The program finds assemblies in its own folder only.
+    let copy = work.join(binding.file_name().unwrap_or_default());
+    fs::copy(binding, &copy).map_err(|e| format!("{}: {e}", copy.display()))?;
+    let library = binding.with_file_name("");
+    let mut command = Command::new("cc");
+    command.args(["-std=c11", "-shared", "-fPIC"]).args(abi::STRICT).arg("-I").arg(workspace.root.join("include"));
+    command.arg(workspace.root.join(PLUGIN)).arg("-L").arg(&library).args(["-lcairn", "-ldl", "-Wl,-rpath,$ORIGIN/.."]);
+    let made = log.run(command.arg("-o").arg(work.join("libcairn_unity.so")))?.success;
+    if made { Ok(()) } else { Err(format!("{PLUGIN} does not compile")) }
+}
+
+/// Runs the components' tests as compiled with `defines`: all of them with the Input Manager, those of input with each input system.
+fn run_components(mono: &Mono, log: &mut Log, tests: &Path, defines: &[&str], tally: &mut Tally) -> Result<(), String> {
+    let mut command = mono.program();
+    command.arg("--debug").arg(tests).current_dir(tests.with_file_name("")).env_remove("CAIRN_LIBRARY");
+    if defines != INPUTS[INPUTS.len() - 1] {
+        command.arg("input");
+    }
+    abi::count(&format!("{COMPONENTS} with {}", defines.join(" ")), &log.run(&mut command)?, tally);
     Ok(())
 }
 

@@ -46,6 +46,17 @@ const PAGES: &str = "bindings/unreal/";
 /// The library in the plugin.
 pub(super) const LIBRARY: &str = "Binaries/ThirdParty/Cairn/Win64/cairn.dll";
 
+/// Folder of the library in the plugin.
+const LIBRARY_FOLDER: &str = "Binaries/ThirdParty/Cairn/Win64";
+
+/// AMD's libraries, which a game may put beside the library.
+const AMD_LIBRARIES: [&str; 4] = [
+    "amd_fidelityfx_loader_dx12.dll",
+    "amd_fidelityfx_framegeneration_dx12.dll",
+    "amd_fidelityfx_upscaler_dx12.dll",
+    "amd_fidelityfx_dx12.dll",
+];
+
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
     let work = context.workspace.target.join("xtask").join("test").join("unreal");
@@ -242,6 +253,9 @@ impl PluginTests<'_> {
         fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
         self.write("rules/Source/ThirdParty/CairnLibrary/include/cairn.h", "")?;
         self.write(&format!("rules/{LIBRARY}"), "")?;
+        for name in AMD_LIBRARIES {
+            self.write(&format!("rules/{LIBRARY_FOLDER}/{name}"), "")?;
+        }
         let applied = log.run(mono.program().arg(&program).arg(&full))?;
         let (windows, linux) = applied.output.split_once("module CairnLibrary External on Linux").unwrap_or_default();
         let wanted = [
@@ -253,9 +267,12 @@ impl PluginTests<'_> {
             "depends D3D12RHI\n",
             "define CAIRN_WITH_D3D12=1\n",
         ];
-        for line in wanted {
+        let staged = AMD_LIBRARIES.map(|name| format!("needs $(PluginDir)/{LIBRARY_FOLDER}/{name}\n"));
+        for line in wanted.into_iter().chain(staged.iter().map(String::as_str)) {
             tally.check((!windows.contains(line)).then(|| format!("the rules for Windows lack {line:?}")));
         }
+        let absent = windows.contains("onnxruntime.dll");
+        tally.check(absent.then(|| "the rules for Windows need a library that is not there".to_owned()));
         let apart = linux.contains("define CAIRN_WITH_D3D12=0\n") && !linux.contains("D3D12RHI");
         tally.check((!apart || linux.contains("cairn.dll")).then(|| "the rules elsewhere need Windows".to_owned()));
         Ok(())

@@ -4,9 +4,9 @@ The format is specified in `docs/bundle.md`. From a shell: `python -m cairn.buil
 need; the extra `build` installs them.
 """
 
-from . import _needs
+from .. import _builder
 
-_needs.require()
+_builder.require()
 
 from .errors import BuildError
 from .geometry import Geometry, PRESETS

@@ -2,49 +2,47 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
+import io
 import os
-import re
-import shutil
+import struct
 import tempfile
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-
-import onnx
-from google.protobuf.message import DecodeError
+from typing import BinaryIO
 
 from .errors import BuildError
-from .geometry import Geometry
-from .manifest import MANIFEST_FILE, geometry_of
 from .files import fresh_folder
+from .geometry import Geometry
+from .manifest import MANIFEST_FILE, MANIFEST_LIMIT, geometry_of
 from .quantise import Quantisation, of_manifest
+from .reader import copy_checked, manifest_bytes, open_listed, parse_manifest, read_manifest, read_model, verify
 
 SUFFIX = ".cairn"
-MANIFEST_LIMIT = 1 << 20
-_NAME = re.compile(r"[A-Za-z0-9._-]+(/[A-Za-z0-9._-]+)*")
-_CHUNK = 1 << 20
-# A fixed date, so that equal content gives equal bytes: the earliest that ZIP can store.
+# A fixed date and system, so that equal content gives equal bytes: the earliest date that ZIP can store, and the number of Unix.
 _DATE = (1980, 1, 1, 0, 0, 0)
+_SYSTEM = 3
+# What `zipfile` raises for damaged archives.
+_DAMAGE = (zipfile.BadZipFile, EOFError, NotImplementedError, OverflowError, UnicodeDecodeError, struct.error)
 
 
 def pack(folder: Path, out: Path, replace: bool = False) -> Path:
-    """Writes the folder's manifest and the files it names, uncompressed, into the archive `out`."""
+    """Writes the folder's manifest and the files it names, uncompressed, into the archive `out`; sizes and checksums are checked."""
     if out.exists() and not replace:
         raise BuildError("it exists already", field=str(out), remedy="Name another place, or pass --replace.")
-    names = [entry["path"] for entry in _read_manifest(folder)["files"]]
+    data = manifest_bytes(folder)
+    manifest = parse_manifest(data, str(folder / MANIFEST_FILE))
     out.parent.mkdir(parents=True, exist_ok=True)
     handle, work = tempfile.mkstemp(prefix=f".{out.name}.", dir=out.parent)
     os.close(handle)
     try:
         with zipfile.ZipFile(work, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
-            for name in [MANIFEST_FILE, *names]:
-                info = zipfile.ZipInfo(_checked(name), _DATE)
-                info.external_attr = 0o644 << 16
-                info.file_size = (folder / name).stat().st_size
-                with open(folder / name, "rb") as source, archive.open(info, "w") as sink:
-                    shutil.copyfileobj(source, sink, _CHUNK)
+            with _new_entry(archive, MANIFEST_FILE, len(data)) as sink:
+                sink.write(data)
+            for entry in manifest["files"]:
+                with open_listed(folder, entry) as source, _new_entry(archive, entry["path"], entry["size"]) as sink:
+                    copy_checked(source, entry, sink.write)
         os.chmod(work, 0o644)
         os.replace(work, out)
     finally:
@@ -52,54 +50,66 @@ def pack(folder: Path, out: Path, replace: bool = False) -> Path:
     return out
 
 
+def _new_entry(archive: zipfile.ZipFile, name: str, size: int) -> BinaryIO:
+    info = zipfile.ZipInfo(name, _DATE)
+    info.create_system = _SYSTEM
+    info.external_attr = 0o644 << 16
+    info.file_size = size
+    return archive.open(info, "w")
+
+
 def unpack(archive: Path, out: Path, replace: bool = False) -> Path:
     """Writes the archive's manifest and the files it names into the folder `out`; sizes and checksums are checked."""
     with _opened(archive) as entries, fresh_folder(out, replace) as folder:
-        manifest = json.loads(_manifest_bytes(entries))
-        (folder / MANIFEST_FILE).write_bytes(_manifest_bytes(entries))
+        data = _manifest_bytes(entries)
+        manifest = parse_manifest(data)
+        (folder / MANIFEST_FILE).write_bytes(data)
         for entry in manifest["files"]:
-            target = folder / _checked(entry["path"])
+            target = folder / entry["path"]
             target.parent.mkdir(parents=True, exist_ok=True)
-            digest, size = hashlib.sha256(), 0
             with _entry(entries, entry["path"]) as source, open(target, "wb") as sink:
-                while chunk := source.read(_CHUNK):
-                    size += len(chunk)
-                    if size > entry["size"]:
-                        break
-                    digest.update(chunk)
-                    sink.write(chunk)
-            if size != entry["size"] or digest.hexdigest() != entry["sha256"]:
-                raise BuildError("size or checksum differs from the manifest", field=entry["path"], remedy="Fetch it again.")
+                copy_checked(source, entry, sink.write)
     return out
+
+
+@contextmanager
+def verified_folder(bundle: Path) -> Iterator[Path]:
+    """The folder of a bundle whose sizes and checksums are checked: `bundle` itself, or what an archive is unpacked to until the block ends."""
+    if bundle.is_dir():
+        verify(bundle, read_manifest(bundle))
+        yield bundle
+        return
+    with tempfile.TemporaryDirectory() as work:
+        yield unpack(bundle, Path(work) / "bundle")
 
 
 def read_geometry(bundle: Path) -> Geometry:
     """The shapes in the manifest of a folder or an archive. The autoencoder's widths come from its graphs."""
     if bundle.is_dir():
-        manifest = _read_manifest(bundle)
-        return _with_widths(manifest, lambda name: (bundle / name).read_bytes())
+        return _with_widths(read_manifest(bundle), lambda entry: open_listed(bundle, entry))
     with _opened(bundle) as entries:
-        manifest = json.loads(_manifest_bytes(entries))
-        return _with_widths(manifest, lambda name: _entry(entries, name).read())
+        manifest = parse_manifest(_manifest_bytes(entries))
+        return _with_widths(manifest, lambda entry: _entry(entries, entry["path"]))
 
 
 def read_quantisation(bundle: Path) -> Quantisation | None:
     """How the weights of a folder or an archive are quantised; `None` where all have 16 bits."""
     if bundle.is_dir():
-        return of_manifest(_read_manifest(bundle))
+        return of_manifest(read_manifest(bundle))
     with _opened(bundle) as entries:
-        return of_manifest(json.loads(_manifest_bytes(entries)))
+        return of_manifest(parse_manifest(_manifest_bytes(entries)))
 
 
-def _with_widths(manifest: dict, read: Callable[[str], bytes]) -> Geometry:
+def _with_widths(manifest: dict, opened: Callable[[dict], BinaryIO]) -> Geometry:
     geometry = geometry_of(manifest)
     shapes = {}
     for kind in ("encoder", "decoder"):
-        file = _checked(manifest["graphs"]["f32"][kind])
-        try:
-            model = onnx.load_model_from_string(read(file))
-        except DecodeError as error:
-            raise BuildError(f"it is no ONNX model ({error})", field=file, remedy="Make the bundle again.") from error
+        file = manifest["graphs"]["f32"][kind]
+        (entry,) = [entry for entry in manifest["files"] if entry["path"] == file]
+        data = io.BytesIO()
+        with opened(entry) as source:
+            copy_checked(source, entry, data.write)
+        model = read_model(data.getvalue(), file)
         shapes |= {t.name: tuple(t.dims) for t in model.graph.initializer}
     try:
         first, last = shapes["encoder.0.weight"][0], shapes["decoder.20.weight"][0]
@@ -112,21 +122,18 @@ def _with_widths(manifest: dict, read: Callable[[str], bytes]) -> Geometry:
     return geometry.with_(encoder_width=first, decoder_widths=(*geometry.decoder_widths[:3], last))
 
 
-def _read_manifest(folder: Path) -> dict:
-    path = folder / MANIFEST_FILE
-    if not path.is_file():
-        raise BuildError(f"it holds no {MANIFEST_FILE}", field=str(folder), remedy="Name the folder of a bundle.")
+@contextmanager
+def _opened(archive: Path) -> Iterator[zipfile.ZipFile]:
+    """The archive, opened for reading. Damage that is found within the block becomes a `BuildError`, too."""
     try:
-        return json.loads(path.read_bytes()[: MANIFEST_LIMIT + 1])
-    except ValueError as error:
-        raise BuildError(f"it is no JSON: {error}", field=str(path), remedy="Make the bundle again.") from error
-
-
-def _opened(archive: Path) -> zipfile.ZipFile:
-    try:
-        return zipfile.ZipFile(archive)
-    except zipfile.BadZipFile as error:
+        entries = zipfile.ZipFile(archive)
+    except _DAMAGE as error:
         raise BuildError(f"it is no archive: {error}", field=str(archive), remedy="Name a .cairn file, or a folder.") from error
+    try:
+        with entries:
+            yield entries
+    except _DAMAGE as error:
+        raise BuildError(f"the archive is damaged: {error}", field=str(archive), remedy="Fetch it again.") from error
 
 
 def _entry(entries: zipfile.ZipFile, name: str):
@@ -136,18 +143,12 @@ def _entry(entries: zipfile.ZipFile, name: str):
         raise BuildError("it is not in the archive", field=name, remedy="Fetch the archive again.") from None
     if info.compress_type != zipfile.ZIP_STORED or info.flag_bits & 1:
         raise BuildError("it is compressed or encrypted", field=name, remedy="Pack it with `cairn.build pack`.")
+    if info.header_offset < 0:
+        # `zipfile` would let the file system refuse it.
+        raise zipfile.BadZipFile(f"{name} begins before the archive")
     return entries.open(info)
 
 
 def _manifest_bytes(entries: zipfile.ZipFile) -> bytes:
     with _entry(entries, MANIFEST_FILE) as source:
-        data = source.read(MANIFEST_LIMIT + 1)
-    if len(data) > MANIFEST_LIMIT:
-        raise BuildError("it is longer than 1 MiB", field=MANIFEST_FILE, remedy="This is no world bundle.")
-    return data
-
-
-def _checked(name: str) -> str:
-    if not isinstance(name, str) or len(name) > 200 or not _NAME.fullmatch(name) or {".", ".."} & set(name.split("/")):
-        raise BuildError(f"{name!r} is no name a bundle may use", field="files", remedy="See docs/bundle.md, section 1.")
-    return name
+        return source.read(MANIFEST_LIMIT + 1)

@@ -30,6 +30,29 @@ _REQUIRED = (
     "global_window global_pinned_dilation global_attn_period global_attn_offset ctrl_conditioning_period scheduler_sigmas "
     "base_fps inference_fps temporal_compression"
 ).split()
+# Whole numbers of the geometry, and their keys.
+_GEOMETRY = {
+    "layers": "n_layers",
+    "width": "d_model",
+    "heads": "n_heads",
+    "kv_heads": "n_kv_heads",
+    "latent_channels": "channels",
+    "mlp_ratio": "mlp_ratio",
+    "local_window": "local_window",
+    "global_window": "global_window",
+    "global_dilation": "global_pinned_dilation",
+    "global_period": "global_attn_period",
+    "global_offset": "global_attn_offset",
+    "control_period": "ctrl_conditioning_period",
+}
+# Where a user finds a value that the geometry refuses.
+_FIELDS = {name: f"config.yaml: {key}" for name, key in _GEOMETRY.items()} | {
+    "nyquist_fraction": "config.yaml: rope_nyquist_frac",
+    "time_base": "config.yaml: rope_theta",
+    "schedule": "config.yaml: scheduler_sigmas",
+    "patch": "config.yaml: patch",
+    "global_max_window": "--max-window",
+}
 # Optional keys.
 _OPTIONAL = ("rope_nyquist_frac", "rope_theta", "conv_kw")
 # Keys that do not affect the graphs: where the autoencoder was published, training settings, and settings of the prompt, which a model
@@ -50,7 +73,7 @@ def read_config(path: Path, max_window: int, **autoencoder) -> Geometry:
         raise BuildError("it is longer than 1 MiB", field=str(path), remedy="Fetch the checkpoint's config.yaml.")
     try:
         config = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise BuildError(f"it is no YAML ({error})", field=str(path), remedy="Fetch it again.") from error
     if not isinstance(config, dict):
         raise BuildError("it is no mapping", field=str(path), remedy="Fetch it again.")
@@ -95,30 +118,25 @@ def _geometry(config: dict, max_window: int, autoencoder: dict) -> Geometry:
             field="config.yaml: inference_fps",
             remedy="Fetch config.yaml again.",
         )
-    geometry = Geometry(
-        layers=_number(config, "n_layers"),
-        width=_number(config, "d_model"),
-        heads=_number(config, "n_heads"),
-        kv_heads=_number(config, "n_kv_heads"),
-        latent_channels=_number(config, "channels"),
-        latent_height=rows * patch[0],
-        latent_width=columns * patch[1],
-        patch=patch,
-        mlp_ratio=_number(config, "mlp_ratio"),
-        local_window=_number(config, "local_window"),
-        global_window=_number(config, "global_window"),
-        global_dilation=_number(config, "global_pinned_dilation"),
-        global_max_window=max_window,
-        global_period=_number(config, "global_attn_period"),
-        global_offset=_number(config, "global_attn_offset"),
-        control_period=_number(config, "ctrl_conditioning_period"),
-        nyquist_fraction=_number(config, "rope_nyquist_frac", float, 0.8),
-        time_base=_number(config, "rope_theta", float, 10000.0),
-        latents_per_second=latents,
-        time_multiplier=config["base_fps"] // latents,
-        schedule=_numbers(config, "scheduler_sigmas", None, float),
-        **autoencoder,
-    )
+    values = {name: _number(config, key) for name, key in _GEOMETRY.items()}
+    try:
+        geometry = Geometry(
+            **values,
+            latent_height=rows * patch[0],
+            latent_width=columns * patch[1],
+            patch=patch,
+            global_max_window=max_window,
+            nyquist_fraction=_number(config, "rope_nyquist_frac", float, 0.8),
+            time_base=_number(config, "rope_theta", float, 10000.0),
+            latents_per_second=latents,
+            time_multiplier=config["base_fps"] // latents,
+            schedule=_numbers(config, "scheduler_sigmas", None, float),
+            **autoencoder,
+        )
+    except BuildError as error:
+        if error.field not in _FIELDS:
+            raise
+        raise BuildError(error.cause, field=_FIELDS[error.field], remedy=error.remedy) from error
     conv = config.get("conv_kw", {})
     if isinstance(conv, dict):
         _refuse_unknown(conv, _KNOWN_OF_CONVOLUTION, "config.yaml: conv_kw")

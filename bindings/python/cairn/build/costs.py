@@ -8,7 +8,7 @@ from dataclasses import astuple, dataclass
 from .geometry import Geometry
 from .graph import Graph
 from .quantise import Quantisation
-from .table import ITEM_BYTES, value_sizes
+from .sizes import ITEM_BYTES, value_sizes
 from .writer import build_graphs
 
 

@@ -17,6 +17,39 @@ STAGES = 3
 MEMORIES_PER_STAGE = 3
 # Types that the residual stream of an f16 graph can have.
 RESIDUALS = ("float16", "float32")
+BUTTONS = 256
+# Largest side of a picture or a memory, and the largest number of channels of a memory.
+SIDE_LIMIT = 16384
+# How many times as large as a decoded picture the rendered one may be, on each side.
+RENDER_SCALE_LIMIT = 8
+HEAD_WIDTH_LIMIT = 1024
+PATCH_LIMIT = 64
+TOKENS_LIMIT = 65536
+# Latent cells on a side, for the pictures' sake: each cell is 16 pixels wide.
+_CELLS = SIDE_LIMIT // (AUTOENCODER_PATCH * AUTOENCODER_STRIDE)
+# The least and the largest of each whole number. The library refuses all others: `docs/bundle.md`, section 3.
+BOUNDS = {
+    "layers": (1, 512),
+    "width": (8, 65536),
+    "heads": (1, 4096),
+    "kv_heads": (1, 4096),
+    "latent_channels": (1, 4096),
+    "latent_height": (1, _CELLS),
+    "latent_width": (1, _CELLS),
+    "mlp_ratio": (1, 64),
+    "local_window": (1, 65536),
+    "global_window": (1, 65536),
+    "global_dilation": (1, 4096),
+    "global_max_window": (1, 65536),
+    "global_period": (1, 4096),
+    "global_offset": (-4096, 4096),
+    "control_period": (1, 4096),
+    "latents_per_second": (1, 1000),
+    "time_multiplier": (1, 1000),
+    "encoder_width": (1, SIDE_LIMIT),
+}
+# Of the real numbers: each is above the first and at most the second.
+REAL_BOUNDS = {"nyquist_fraction": (0, 1), "time_base": (1, 10**9)}
 
 
 @dataclass(frozen=True)
@@ -41,7 +74,7 @@ class Geometry:
     control_period: int = 3
     nyquist_fraction: float = 0.8
     time_base: float = 10000.0
-    buttons: int = 256
+    buttons: int = BUTTONS
     latents_per_second: int = 15
     time_multiplier: int = 1
     schedule: tuple[float, ...] = (1.0, 0.9, 0.75, 0.3, 0.0)
@@ -54,26 +87,28 @@ class Geometry:
     residual: str = "float16"
 
     def __post_init__(self) -> None:
-        positive = (
-            "layers width heads kv_heads latent_channels latent_height latent_width mlp_ratio local_window global_window "
-            "global_dilation global_max_window global_period control_period buttons latents_per_second "
-            "time_multiplier encoder_width"
-        ).split()
-        for name in positive:
+        for name, (low, high) in BOUNDS.items():
+            self._within(name, getattr(self, name), low, high)
+        for name, (low, high) in REAL_BOUNDS.items():
             value = getattr(self, name)
-            if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= 1 << 20:
-                raise BuildError(f"{value!r} is not a whole number from 1 to 1048576", field=name, remedy="Give one.")
-        for name, count in (("patch", 2), ("decoder_widths", 4), ("render", 2)):
+            if not isinstance(value, (int, float)) or isinstance(value, bool) or not low < value <= high:
+                raise BuildError(f"{value!r:.50} is not above {low} and at most {high}", field=name, remedy="Give a number in that range.")
+        if self.buttons != BUTTONS:
+            raise BuildError(f"{self.buttons!r} is not {BUTTONS}", field="buttons", remedy="Leave it out.")
+        # A size of 0 stands for square pixels.
+        for name, count, low, high in (("patch", 2, 1, PATCH_LIMIT), ("decoder_widths", 4, 1, SIDE_LIMIT), ("render", 2, 0, SIDE_LIMIT)):
             value = getattr(self, name)
-            if len(value) != count or not all(isinstance(v, int) and 0 <= v <= 1 << 20 for v in value):
-                raise BuildError(f"{value!r} is not {count} whole numbers", field=name, remedy="Give them.")
-        if min(self.decoder_widths) < 1 or min(self.patch) < 1:
-            raise BuildError("a size of 0", field="decoder_widths or patch", remedy="Give positive numbers.")
+            if len(value) != count:
+                raise BuildError(f"{value!r:.50} is not {count} whole numbers", field=name, remedy="Give them.")
+            for number in value:
+                self._within(name, number, low, high)
         self._divides("width", self.width, "heads", self.heads)
         self._divides("heads", self.heads, "kv_heads", self.kv_heads)
         self._divides("width / heads", self.head_width, "8", 8)
+        self._within("width / heads", self.head_width, 8, HEAD_WIDTH_LIMIT)
         self._divides("latent_height", self.latent_height, "patch rows", self.patch[0])
         self._divides("latent_width", self.latent_width, "patch columns", self.patch[1])
+        self._within("tokens", self.tokens, 1, TOKENS_LIMIT)
         self._divides("global_window", self.global_window, "global_dilation", self.global_dilation)
         self._divides("global_max_window", self.global_max_window, "global_dilation", self.global_dilation)
         if self.global_max_window < self.global_window:
@@ -95,6 +130,13 @@ class Geometry:
             raise BuildError(f"{self.residual!r} is none of {', '.join(RESIDUALS)}", field="residual", remedy="Choose one of these.")
         if 0 in self.render:
             object.__setattr__(self, "render", square_pixels(self.decoded))
+        for side, decoded in zip(self.render, self.decoded):
+            self._within("render", side, 1, min(SIDE_LIMIT, RENDER_SCALE_LIMIT * decoded))
+
+    @staticmethod
+    def _within(name: str, value: object, low: int, high: int) -> None:
+        if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+            raise BuildError(f"{value!r:.50} is not a whole number from {low} to {high}", field=name, remedy="Give one in that range.")
 
     @staticmethod
     def _divides(name: str, value: int, by_name: str, by: int) -> None:

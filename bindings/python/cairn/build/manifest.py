@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,20 +13,58 @@ from .quantise import Quantisation
 MANIFEST_FILE = "cairn-world.json"
 SCHEMA_VERSION = 1
 MODEL_TYPE = "waypoint-1.5"
+MANIFEST_LIMIT = 1 << 20
+NAME_LIMIT = 100
+SPDX_LIMIT = 200
+# Of noise levels, and of Fourier and RoPE frequencies.
+ROUNDINGS = ("none", "bf16")
 
 
 @dataclass(frozen=True)
 class Licence:
-    """Terms of the weights: an SPDX expression, and optionally the text and its file name in the bundle."""
+    """Terms of the weights: an SPDX expression, and optionally the text, in any encoding, and its file name in the bundle."""
 
     spdx: str
-    text: str | None = None
+    text: bytes | None = None
     file: str = "LICENSE.txt"
 
     @staticmethod
     def read(spdx: str, path: Path) -> "Licence":
         """A licence with the text of a file."""
-        return Licence(spdx, path.read_text(encoding="utf-8"))
+        return Licence(spdx, path.read_bytes())
+
+
+def check_texts(name: str, provenance: dict[str, str], licence: Licence, rounding: str) -> None:
+    """Checks the texts of a manifest, as the library does: `docs/bundle.md`, section 2."""
+    _check_text("name", name, NAME_LIMIT)
+    if any(unicodedata.category(letter) == "Cc" for letter in name):
+        raise BuildError(f"{name!r} has a control character", field="name", remedy="Leave it out.")
+    _check_text("licence", licence.spdx, SPDX_LIMIT)
+    if not (licence.spdx.isascii() and licence.spdx.isprintable()):
+        cause = f"{licence.spdx!r} has a character that is not printable ASCII"
+        raise BuildError(cause, field="licence", remedy="Give an SPDX expression, such as Apache-2.0.")
+    for member, value in provenance.items():
+        _check_text("provenance", member, MANIFEST_LIMIT)
+        _check_text(f"provenance.{member}", value, MANIFEST_LIMIT, shortest=0)
+    _check_rounding("rounding", rounding)
+
+
+def _check_rounding(field: str, value: object) -> None:
+    if value not in ROUNDINGS:
+        raise BuildError(f"{value!r:.50} is none of {', '.join(ROUNDINGS)}", field=field, remedy="Choose one of these.")
+
+
+def _check_text(field: str, value: object, limit: int, shortest: int = 1) -> None:
+    """Checks the type and the length of a text, and that it can be written as UTF-8: undecodable bytes of a file name cannot."""
+    if not isinstance(value, str):
+        raise BuildError(f"{value!r:.100} is no text", field=field, remedy="Give a text.")
+    if not shortest <= len(value) <= limit:
+        cause = f"{value!r:.120} has {len(value)} characters, {shortest} to {limit} are allowed"
+        raise BuildError(cause, field=field, remedy="Give another one.")
+    try:
+        value.encode()
+    except UnicodeEncodeError as error:
+        raise BuildError(f"{value!r:.120} is no Unicode text", field=field, remedy="Give another one.") from error
 
 
 def manifest(
@@ -87,6 +126,8 @@ def manifest(
 def geometry_of(content: dict) -> Geometry:
     """The shapes in a manifest. Those that only the graphs contain (the encoder's widths and the last width) keep their defaults."""
     try:
+        _check_rounding("geometry.rope.rounding", content["geometry"]["rope"]["rounding"])
+        _check_rounding("sampler.sigma_rounding", content["sampler"]["sigma_rounding"])
         g, latent, wide = content["geometry"], content["geometry"]["latent"], content["geometry"]["global"]
         memories = g["autoencoder"]["memories"]
         stages = [memories[i][0] for i in (0, 3, 6)]

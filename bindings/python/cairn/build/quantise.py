@@ -6,7 +6,7 @@ that stands for (q - 2^(bits - 1)) * scale. The rounding needs no data but the m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,7 +51,7 @@ class Quantisation:
         return is_matrix and not any(_is_within(weight.name, prefix) for prefix in self.kept)
 
     def stored(self, tensors: list[Packed]) -> list[Packed]:
-        """The tensors as they are stored, with two in place of each matrix that becomes smaller."""
+        """The tensors as they are stored, with two in place of each matrix that becomes smaller. The library requires at least one."""
         for prefix in self.kept:
             if not any(_is_within(packed.whole.name, prefix) for packed in tensors):
                 raise BuildError(
@@ -59,6 +59,12 @@ class Quantisation:
                     field=f"--keep-16 {prefix}",
                     remedy="Name layers or matrices, such as blocks.0, blocks.3.mlp or blocks.1.attn.qkv_proj.",
                 )
+        if not any(self.takes(packed.whole) for packed in tensors):
+            if self.kept and any(replace(self, kept=()).takes(packed.whole) for packed in tensors):
+                cause = "with these names every matrix of the layers stays in 16 bits, so nothing is quantised"
+                raise BuildError(cause, field=f"--keep-16 {','.join(self.kept)}", remedy="Name fewer layers or matrices.")
+            cause = f"no matrix of the layers has a multiple of {self.block} rows, so nothing is quantised"
+            raise BuildError(cause, field=f"--block {self.block}", remedy="Use smaller blocks.")
         return [part for packed in tensors for part in (self._divided(packed) if self.takes(packed.whole) else [packed])]
 
     def _divided(self, packed: Packed) -> list[Packed]:

@@ -6,8 +6,6 @@ from walks of the world itself, which begin with a picture of a gradient and hav
 
 from __future__ import annotations
 
-import json
-import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,8 +17,8 @@ from onnx import TensorProto, helper
 from . import archive
 from .errors import BuildError
 from .geometry import Geometry
-from .manifest import MANIFEST_FILE
 from .quantise import Quantisation, restored, rounded
+from .reader import read_manifest
 from .stored import StoredWeights
 from .transformer import to_bfloat16
 from .weights import Packed, stored_transformer
@@ -86,8 +84,7 @@ def measure(
         raise BuildError(f"{bound} is not above 0 and below 1", field="--bound", remedy="Give a share, such as 0.01.")
     if not 1 <= walks <= 64:
         raise BuildError(f"{walks} is outside 1 to 64", field="--walks", remedy="Give a number in that range.")
-    with tempfile.TemporaryDirectory() as work:
-        folder = bundle if bundle.is_dir() else archive.unpack(bundle, Path(work) / "bundle")
+    with archive.verified_folder(bundle) as folder:
         return _Measurement(folder, quantisation, walks, threads, progress).report(bound)
 
 
@@ -152,6 +149,11 @@ class _Measurement:
             while len(kept) < len(order) and ratio * sum(errors[name] ** 2 for name in order[len(kept) :]) > bound**2:
                 kept.append(order[len(kept)])
             left = self.error(order[len(kept) :], f"{len(kept)} kept in 16 bits")
+        fitting = [name for name in order if errors[name] <= bound]
+        if len(kept) == len(order) and fitting:
+            # The order ends with a matrix that is beyond the bound alone, though others are not.
+            largest = max(fitting, key=lambda name: sizes[name])
+            kept, left = [name for name in order if name != largest], errors[largest]
         self.progress("complete", self.total, self.total)
         ranked = dict(sorted(errors.items(), key=lambda item: item[1], reverse=True))
         return Report(self.quantisation, bound, ranked, layers, sizes, everything, _shortened(kept, self.names), left)
@@ -163,7 +165,7 @@ class Transformer:
     def __init__(self, folder: Path, quantisation: Quantisation, threads: int = 0):
         self.folder, self.quantisation = folder, quantisation
         self.geometry = g = archive.read_geometry(folder)
-        manifest = json.loads((folder / MANIFEST_FILE).read_text("utf-8"))
+        manifest = read_manifest(folder)
         self.rounding = manifest["geometry"]["rope"]["rounding"]
         self.encoder_file = folder / manifest["graphs"]["f32"]["encoder"]
         levels = np.array(g.schedule, np.float32)
@@ -336,8 +338,12 @@ def table(report: Report) -> str:
         numbers = sum(size for name, size in report.sizes.items() if is_kept(name, [layer]))
         lines.append(f"{layer:{width}}{numbers:14,}{percent(error):>11}")
     lines += ["", f"all of them: {percent(report.all)}"]
-    kept = ",".join(report.kept) or "none"
-    lines.append(f"for at most {percent(report.bound)}: --keep-16 {kept}")
-    lines.append(f"with it: {percent(report.left)}; {100 * report.kept_share:.1f} % of the layers' numbers stay in 16 bits")
+    if all(is_kept(name, report.kept) for name in report.matrices):
+        least = min(report.matrices.values())
+        lines.append(f"for at most {percent(report.bound)}: nothing can be quantised; the least error of one matrix is {percent(least)}")
+    else:
+        kept = ",".join(report.kept) or "none"
+        lines.append(f"for at most {percent(report.bound)}: --keep-16 {kept}")
+        lines.append(f"with it: {percent(report.left)}; {100 * report.kept_share:.1f} % of the layers' numbers stay in 16 bits")
     lines.append("error: of a latent in the worst pass of a step, relative, without the rounding of activations to 8 bits")
     return "\n".join(lines)

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-import math
-
-import onnx
-from onnx import shape_inference
-
-from . import contrib
 from .geometry import Geometry
 from .graph import Graph
 from .quantise import Quantisation, counts as quantised_counts, unpacked_bytes
+from .sizes import value_sizes
 from .weights import autoencoder_weights, transformer_weights
 from .writer import build_graphs, layouts
 
 # The paper's context windows; the table shows those that the world's dilation and largest window allow.
 WINDOWS = (112, 128, 384, 512)
 _BYTES = {"f32": 4, "f16": 2}
-# Bytes of one number by its ONNX type.
-ITEM_BYTES = {onnx.TensorProto.FLOAT: 4, onnx.TensorProto.FLOAT16: 2, onnx.TensorProto.INT64: 8, onnx.TensorProto.UINT8: 1}
 
 
 def windows(g: Geometry) -> list[int]:
@@ -36,23 +29,6 @@ def ring_bytes(g: Geometry, window: int, precision: str) -> int:
 def slab_bytes(g: Geometry, precision: str) -> int:
     """Bytes of one latent's keys and values of all layers."""
     return g.layers * g.tokens * g.kv_width * 2 * _BYTES[precision]
-
-
-def value_sizes(graph: Graph, dimensions: dict[str, int]) -> tuple[onnx.ModelProto, dict[str, tuple[list[int], int]]]:
-    """The model with its symbolic dimensions fixed, and the shape and size in bytes of every node's output."""
-    contrib.register()
-    model = graph.model()
-    for value in [*model.graph.input, *model.graph.output]:
-        for d in value.type.tensor_type.shape.dim:
-            if d.dim_param:
-                d.dim_value = dimensions[d.dim_param]
-    inferred = shape_inference.infer_shapes(model, check_type=True, strict_mode=True, data_prop=True)
-    sizes = {}
-    for value in [*inferred.graph.value_info, *inferred.graph.output]:
-        tensor = value.type.tensor_type
-        shape = [d.dim_value for d in tensor.shape.dim]
-        sizes[value.name] = (shape, math.prod(shape) * ITEM_BYTES[tensor.elem_type])
-    return inferred, sizes
 
 
 def activation_peak(graph: Graph, dimensions: dict[str, int]) -> tuple[int, int]:

@@ -89,7 +89,7 @@ def open_weights(directory: Path) -> TensorFiles:
         shards = sorted(set(names.values()))
         if not shards or any(Path(s).name != s for s in shards):
             raise ValueError("a shard is no plain file name")
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise BuildError(f"it is no index ({error!r})", field=str(index), remedy="Fetch it again.") from error
     for shard in shards:
         if not (directory / shard).is_file():

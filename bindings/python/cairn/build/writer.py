@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -18,9 +19,11 @@ from .errors import BuildError
 from .files import check_free, fresh_folder
 from .geometry import Geometry
 from .graph import Graph
-from .manifest import MANIFEST_FILE, Licence, manifest
+from .manifest import MANIFEST_FILE, MANIFEST_LIMIT, Licence, check_texts, manifest
 from .quantise import Quantisation
-from .transformer import build_transformer
+from .reader import GRAPH_KINDS, checked_name
+from .sizes import value_sizes
+from .transformer import INTERMEDIATE_LIMIT, build_transformer
 from .weights import (
     ALIGNMENT,
     AUTOENCODER_FILE,
@@ -90,6 +93,10 @@ def build_bundle(
             field="residual",
             remedy="Write both precisions, or leave it out.",
         )
+    check_texts(name, provenance, licence, rounding)
+    if licence.text is not None:
+        _check_licence_file(licence.file)
+    _check_values(g, quantisation)
     check_free(out, replace)
     facts = (name, provenance, licence, rounding, precisions, progress, quantisation)
     if out.suffix == archive.SUFFIX:
@@ -101,6 +108,32 @@ def build_bundle(
         with fresh_folder(out, replace) as folder:
             _write(folder, g, source, *facts)
     return out
+
+
+def _check_licence_file(name: str) -> None:
+    """Checks a file name that may come from another bundle. Names of the builder's own files are refused, also as that of a folder."""
+    checked_name(name, "licence.file")
+    own = {MANIFEST_FILE, TRANSFORMER_FILE, AUTOENCODER_FILE, *(_graph_file(k, p) for k in GRAPH_KINDS for p in ("f32", "f16"))}
+    if name.split("/")[0].lower() in own:
+        raise BuildError(f"{name} is the name of another file", field="licence.file", remedy="Give it another name, such as LICENSE.txt.")
+
+
+def _check_values(g: Geometry, quantisation: Quantisation | None) -> None:
+    """Checks that every value is as small as the library requires."""
+    dimensions = {"transformer": g.dimensions(g.global_max_window)}
+    for kind, graph in build_graphs(g, "f32", quantisation=quantisation).items():
+        for name, (shape, _) in value_sizes(graph, dimensions.get(kind, {}))[1].items():
+            if (size := 4 * math.prod(shape)) > INTERMEDIATE_LIMIT:
+                limit = INTERMEDIATE_LIMIT >> 20
+                raise BuildError(
+                    f"{shape} has {size / 2**20:.1f} MiB in float32 at the window {g.global_max_window}, at most {limit} are allowed",
+                    field=f"value {name} of the {kind}",
+                    remedy="Declare a smaller largest window, or choose smaller shapes.",
+                )
+
+
+def _graph_file(kind: str, precision: str) -> str:
+    return f"{kind}.{precision}.onnx"
 
 
 def _write(folder, g, source, name, provenance, licence, rounding, precisions, progress, quantisation) -> None:
@@ -116,13 +149,13 @@ def _write(folder, g, source, name, provenance, licence, rounding, precisions, p
         progress(f"graphs, {precision}", done, total + 1)
         graphs[precision] = {}
         for kind, graph in build_graphs(g, precision, rounding, quantisation).items():
-            file = f"{kind}.{precision}.onnx"
+            file = _graph_file(kind, precision)
             data = graph.model().SerializeToString(deterministic=True)
             _write_file(folder, file, data, files)
             onnx.checker.check_model(str(folder / file))
             graphs[precision][kind] = file
     if licence.text is not None:
-        _write_file(folder, licence.file, licence.text.encode(), files)
+        _write_file(folder, licence.file, licence.text, files)
     content = manifest(
         g,
         name=name,
@@ -133,7 +166,12 @@ def _write(folder, g, source, name, provenance, licence, rounding, precisions, p
         rounding=rounding,
         quantisation=quantisation,
     )
-    (folder / MANIFEST_FILE).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    # Bytes, as text has other line ends on Windows.
+    data = (json.dumps(content, indent=2) + "\n").encode()
+    if len(data) > MANIFEST_LIMIT:
+        cause = f"it has {len(data)} bytes, at most {MANIFEST_LIMIT} are allowed"
+        raise BuildError(cause, field=MANIFEST_FILE, remedy="Shorten its provenance.")
+    (folder / MANIFEST_FILE).write_bytes(data)
     progress("complete", total, total)
 
 
@@ -156,7 +194,9 @@ def _write_weights(folder, group, source, files, progress, done: int, total: int
 
 
 def _write_file(folder: Path, name: str, data: bytes, files: dict[str, tuple[int, str]]) -> None:
-    (folder / name).write_bytes(data)
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
     files[name] = (len(data), hashlib.sha256(data).hexdigest())
 
 

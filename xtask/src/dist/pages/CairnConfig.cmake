@@ -14,7 +14,7 @@ if(NOT TARGET Cairn::Cairn)
         unset(_cairn_import)
     else()
         set_target_properties(Cairn::Cairn PROPERTIES
-            IMPORTED_LOCATION "${_cairn_root}/lib/libcairn.so" IMPORTED_NO_SONAME TRUE)
+            IMPORTED_LOCATION "${_cairn_root}/lib/libcairn.so" IMPORTED_SONAME libcairn.so)
     endif()
 endif()
 file(GLOB Cairn_RUNTIME_FILES "${_cairn_root}/runtime/*.dll")

@@ -294,6 +294,8 @@ cairn::result<void> FCairnStream::Play()
 	{
 		return Made.ok() ? Info.why() : Made.why();
 	}
+	// The player's input while the world was loading is not for its first step. Keys that are still held stay held.
+	(void)Input.Take(KnownKeys);
 	const uint64 Interval = 1000000000 / FMath::Max<uint32>(Info->latents_per_second, 1);
 	for (uint64 StartNs = CairnNow();; StartNs = FMath::Max(StartNs + Interval, CairnNow()))
 	{
@@ -353,9 +355,13 @@ cairn::result<void> FCairnStream::PushAnchor(const cairn::anchor& Anchor)
 	}
 }
 
-/** Waits until a time, and while the stream is paused. Prepares frames of a new size meanwhile. Returns false if the stream shall stop. */
+/**
+ * Waits until a time, and while the stream is paused. Prepares frames of a new size meanwhile. The player's input during a pause is discarded.
+ * Returns false if the stream shall stop.
+ */
 cairn::result<bool> FCairnStream::Wait(uint64 UntilNs)
 {
+	bool bWasPaused = false;
 	while (!bStopping)
 	{
 		const cairn::result<void> Prepared = PrepareForTarget();
@@ -363,12 +369,18 @@ cairn::result<bool> FCairnStream::Wait(uint64 UntilNs)
 		{
 			return Prepared.why();
 		}
+		const bool bHold = bPaused;
+		if (bWasPaused && !bHold)
+		{
+			(void)Input.Take(KnownKeys);
+		}
+		bWasPaused = bHold;
 		const uint64 Now = CairnNow();
-		if (!bPaused && Now >= UntilNs)
+		if (!bHold && Now >= UntilNs)
 		{
 			return true;
 		}
-		const uint64 LeftMs = bPaused ? LongestSleepMs : (UntilNs - Now) / 1000000 + 1;
+		const uint64 LeftMs = bHold ? LongestSleepMs : (UntilNs - Now) / 1000000 + 1;
 		Changed->Wait(static_cast<uint32>(FMath::Min<uint64>(LeftMs, LongestSleepMs)));
 	}
 	return false;

@@ -25,9 +25,14 @@ public class CairnLibrary : ModuleRules
 			PublicDelayLoadDLLs.Add("cairn.dll");
 
 			string Libraries = Path.Combine(PluginDirectory, "Binaries", "ThirdParty", "Cairn", "Win64");
-			foreach (string Name in new string[] { "cairn.dll", "onnxruntime.dll", "DirectML.dll" })
+			string[] Names =
 			{
-				// The slim archive does not contain Microsoft's libraries.
+				"cairn.dll", "onnxruntime.dll", "DirectML.dll", "amd_fidelityfx_loader_dx12.dll", "amd_fidelityfx_framegeneration_dx12.dll",
+				"amd_fidelityfx_upscaler_dx12.dll", "amd_fidelityfx_dx12.dll"
+			};
+			foreach (string Name in Names)
+			{
+				// The slim archive does not contain Microsoft's libraries, and no archive contains AMD's.
 				if (File.Exists(Path.Combine(Libraries, Name)))
 				{
 					RuntimeDependencies.Add("$(PluginDir)/Binaries/ThirdParty/Cairn/Win64/" + Name);
