@@ -59,6 +59,40 @@ fn a_worker_runs_queued_steps_in_order_and_cancels_waiting_ones() {
 }
 
 #[test]
+fn calls_that_read_a_rollout_wait_for_each_other_but_not_for_themselves() {
+    let world = world("tiny");
+    let worker = Worker::new(seeded(&world, &point(&world), 7), 3);
+    let reading = worker.lock_between_steps(false).expect("no step runs");
+    assert_eq!(worker.lock_between_steps(true).err().expect("it would wait for itself").kind(), ErrorKind::Busy);
+    std::thread::scope(|scope| {
+        let (read, result) = std::sync::mpsc::channel();
+        let worker = &worker;
+        scope.spawn(move || read.send(worker.lock_between_steps(false).map(drop)));
+        result.recv_timeout(std::time::Duration::from_millis(50)).expect_err("the other call reads");
+        drop(reading);
+        result.recv().expect("a result").expect("no step runs");
+    });
+    let exclusive = worker.lock_idle().expect("nothing runs");
+    assert_eq!(worker.lock_between_steps(false).err().expect("it is used").kind(), ErrorKind::Busy);
+    drop(exclusive);
+}
+
+#[test]
+fn a_step_that_is_submitted_after_a_cancellation_does_not_undo_it() {
+    let world = world("tiny");
+    let worker = Worker::new(seeded(&world, &point(&world), 7), 3);
+    // In place of a step on another thread, which looks at the flag when it can stop.
+    let mut other = worker.lock_idle().expect("nothing runs");
+    worker.cancel();
+    let ticket = worker.submit(Job::Step(controls(0))).expect("it is queued").expect("there is room");
+    std::thread::sleep(std::time::Duration::from_millis(100));
+    assert_eq!(other.rollout.step(&controls(0)).expect_err("it was cancelled").kind(), ErrorKind::Cancelled);
+    drop(other);
+    let ended = worker.ticket(ticket, None, false, |_| Ok::<_, cairn::Error>(())).expect("a ticket");
+    assert!(matches!(ended, TicketState::Finished(Ok(_))), "{ended:?}");
+}
+
+#[test]
 fn the_same_seed_and_controls_give_the_same_bits_and_others_do_not() {
     let world = world("tiny");
     let run = |seed, shift| {

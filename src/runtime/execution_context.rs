@@ -126,6 +126,12 @@ pub(crate) trait ExecutionContext: Send {
     /// Waits, then reads `into.len()` bytes of `from` from byte `at` on.
     fn read(&self, from: BufferId, at: usize, into: &mut [u8]) -> Result<()>;
 
+    /// Makes what [`read_picture`](Self::read_picture) needs for pictures like this one, so that it allocates nothing later.
+    fn prepare_read_picture(&mut self, from: &DecodedPicture<'_>) -> Result<()> {
+        let _ = from;
+        Ok(())
+    }
+
     /// Waits, then reads a decoded picture that the device has converted. Returns false, and does nothing, if the device converts no
     /// pictures: then the caller reads the planes and converts them.
     fn read_picture(&mut self, from: &DecodedPicture<'_>, into: &mut Picture) -> Result<bool> {

@@ -82,6 +82,10 @@ impl ExecutionContext for StoppableContext {
         self.inner.read(from, at, into)
     }
 
+    fn prepare_read_picture(&mut self, from: &DecodedPicture<'_>) -> Result<()> {
+        self.inner.prepare_read_picture(from)
+    }
+
     fn read_picture(&mut self, from: &DecodedPicture<'_>, into: &mut Picture) -> Result<bool> {
         self.inner.read_picture(from, into)
     }

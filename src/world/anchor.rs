@@ -51,6 +51,7 @@ impl KeptAnchor {
     pub(crate) fn allocate(rollout: &mut Rollout) -> Result<Self> {
         #[cfg(windows)]
         let device_copy = device_copy::DeviceCopy::allocate(rollout)?;
+        rollout.prepare_read_picture()?;
         let point = rollout.operating_point();
         let size = rollout.world().render_size();
         let shape = rollout.world().manifest().geometry.latent;

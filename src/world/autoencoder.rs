@@ -247,6 +247,11 @@ impl Autoencoder {
         self.sides[self.current].pictures()
     }
 
+    /// Buffers of decoded pictures of both sides, of which the decoder writes one or the other.
+    pub(super) fn pictures_of_both_sides(&self) -> [BufferId; 2] {
+        self.sides.each_ref().map(DecoderSide::pictures)
+    }
+
     /// Memories and pictures of both sides.
     pub(super) fn sides(&self) -> [&[BufferId]; 2] {
         [&self.sides[0].buffers, &self.sides[1].buffers]

@@ -396,13 +396,19 @@ impl ExecutionContext for WebGpuContext {
         Ok(())
     }
 
-    fn read_picture(&mut self, from: &DecodedPicture<'_>, into: &mut Picture) -> Result<bool> {
-        self.flush_unwritten()?;
-        let Place::Adapter(planes) = &self.buffers[from.planes.0].place else { return Ok(false) };
+    fn prepare_read_picture(&mut self, from: &DecodedPicture<'_>) -> Result<()> {
+        let Place::Adapter(planes) = &self.buffers[from.planes.0].place else { return Ok(()) };
         if self.pictures.as_ref().is_none_or(|pictures| !pictures.fits(from)) {
             self.pictures = Some(PictureReader::new(&self.plugin, from)?);
         }
-        let pictures = self.pictures.as_mut().expect("made above");
+        self.pictures.as_mut().expect("made above").bind(from.planes, planes).map(drop)
+    }
+
+    fn read_picture(&mut self, from: &DecodedPicture<'_>, into: &mut Picture) -> Result<bool> {
+        self.flush_unwritten()?;
+        self.prepare_read_picture(from)?;
+        let Place::Adapter(planes) = &self.buffers[from.planes.0].place else { return Ok(false) };
+        let pictures = self.pictures.as_mut().expect("prepared above");
         let pixels = into.rgba_mut();
         pictures.read(from, planes, pixels)?;
         self.read.fetch_add(pixels.len() as u64, Ordering::Relaxed);

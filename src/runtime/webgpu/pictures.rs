@@ -69,19 +69,22 @@ impl PictureReader {
         planes: &DeviceBuffer,
         pixels: &mut [u8],
     ) -> Result<()> {
-        let at = match self.bindings.iter().position(|(of, _)| *of == picture.planes) {
-            Some(known) => known,
-            None => {
-                self.bindings.push((picture.planes, self.bind(planes)?));
-                self.bindings.len() - 1
-            }
-        };
+        let at = self.bind(picture.planes, planes)?;
         self.index.write(&(picture.index as i64).to_le_bytes())?;
         self.bindings[at].1.run(self.session.get())?;
         self.pixels.read(pixels)
     }
 
-    fn bind(&self, planes: &DeviceBuffer) -> Result<Binding> {
+    /// Index of the binding of `planes`, the buffer `id`, which is made if there is none.
+    pub(super) fn bind(&mut self, id: BufferId, planes: &DeviceBuffer) -> Result<usize> {
+        if let Some(known) = self.bindings.iter().position(|(of, _)| *of == id) {
+            return Ok(known);
+        }
+        self.bindings.push((id, self.binding(planes)?));
+        Ok(self.bindings.len() - 1)
+    }
+
+    fn binding(&self, planes: &DeviceBuffer) -> Result<Binding> {
         let Conversion { pictures, size: [height, width], precision, rows, columns } = &self.conversion;
         let element = match precision {
             Precision::F32 => Element::ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT,

@@ -232,17 +232,23 @@ impl DeviceState {
 
     /// Reads decoded picture `index`, resized by the device; waits for it. Returns false, and does nothing, if the device cannot resize.
     pub(super) fn read_picture(&mut self, index: usize, resize: &Bilinear, picture: &mut Picture) -> Result<bool> {
-        let [rows, columns] = resize.taps();
-        let from = DecodedPicture {
-            planes: self.autoencoder.pictures(),
-            pictures: self.shapes.pictures,
-            size: self.shapes.decoded,
-            precision: self.precision,
-            index,
-            rows,
-            columns,
-        };
+        let from = self.decoded_picture(self.autoencoder.pictures(), index, resize);
         self.context.read_picture(&from, picture)
+    }
+
+    /// Makes what [`read_picture`](Self::read_picture) needs, for the pictures of any later latent.
+    pub(super) fn prepare_read_picture(&mut self, resize: &Bilinear) -> Result<()> {
+        for planes in self.autoencoder.pictures_of_both_sides() {
+            let from = self.decoded_picture(planes, 0, resize);
+            self.context.prepare_read_picture(&from)?;
+        }
+        Ok(())
+    }
+
+    fn decoded_picture<'a>(&self, planes: BufferId, index: usize, resize: &'a Bilinear) -> DecodedPicture<'a> {
+        let [rows, columns] = resize.taps();
+        let Shapes { pictures, decoded: size, .. } = self.shapes;
+        DecodedPicture { planes, pictures, size, precision: self.precision, index, rows, columns }
     }
 
     /// The first `count` buffers of the decoder's state.

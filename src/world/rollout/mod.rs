@@ -284,6 +284,11 @@ impl Rollout {
         Ok(())
     }
 
+    /// Makes what [`read_picture`](Self::read_picture) needs on the device, so that reading the next step's pictures allocates nothing there.
+    pub(super) fn prepare_read_picture(&mut self) -> Result<()> {
+        self.readback.prepare_read_picture(&mut self.device)
+    }
+
     /// All decoded pictures of the last latent at the decoder's size, `[pictures, 3, H, W]`; waits for them.
     ///
     /// # Errors

@@ -49,6 +49,11 @@ impl Readback {
         }
     }
 
+    /// Makes what reading a picture needs on the device, before the step whose picture it is.
+    pub(super) fn prepare_read_picture(&self, device: &mut DeviceState) -> Result<()> {
+        device.prepare_read_picture(&self.to_render)
+    }
+
     /// Reads decoded picture `index` and resizes it to render size; waits for it. `picture` is replaced if it has another size.
     pub(super) fn read_picture(
         &mut self,
