@@ -80,7 +80,7 @@ enum Command {
     /// A window in which you walk through the world by mouse and keyboard
     #[command(after_help = play::EXAMPLES)]
     Play(play::PlayArgs),
-    /// The paper's experiment: the same walks, run fewer and better, more often, and in three other ways
+    /// The paper's experiment: the same walks, run fewer and better, more often, and in four other ways
     #[command(after_help = compare::EXAMPLES)]
     Compare(compare::CompareArgs),
     /// Generates frames between true anchors of a scene, and shows how near they are to the true frames

@@ -60,12 +60,6 @@ pub(crate) fn winners<'a>(rows: &[&'a Row], preferred: &str) -> Vec<(&'static st
     (0..3).filter_map(of).collect()
 }
 
-/// Least and greatest LPIPS of `rows`.
-pub(crate) fn lpips_range(rows: &[Row]) -> Option<[f64; 2]> {
-    let of = |pick: fn(f64, f64) -> f64| rows.iter().filter_map(|row| row.shown[2]).reduce(pick);
-    Some([of(f64::min)?, of(f64::max)?])
-}
-
 /// "a", "a and b", "a, b and c".
 pub(crate) fn list(words: &[String]) -> String {
     match words {
@@ -108,6 +102,5 @@ pub(crate) mod tests {
         assert_eq!(losses(&far, &[&Row::new("none", [None; 3])]), None);
         let best: Vec<_> = winners(&[&near, &own, &far], "own").into_iter().map(|(_, row)| row.name).collect();
         assert_eq!(best, ["far", "own", "near"], "a tie is of the preferred one");
-        assert_eq!(lpips_range(&[near, own, far]), Some([0.0251, 0.0289]));
     }
 }

@@ -44,7 +44,7 @@ fn open_seeds() -> String {
 pub(crate) enum Set {
     /// Rules and constants are fitted to it.
     Tuning,
-    /// Nothing is fitted to it, but its figures are read while the work goes on.
+    /// Constants are not fitted to it, but rules are kept or removed by it, and its figures are read while the work goes on.
     Development,
     /// Opened by `study quality --sealed` alone.
     Sealed,
@@ -55,8 +55,12 @@ impl Set {
     pub(crate) fn meaning(self) -> &'static str {
         match self {
             Self::Tuning => "the generators are fitted to it, so its figures prove nothing",
-            Self::Development => "nothing is fitted to it, but its figures are read while the work goes on",
-            Self::Sealed => "nobody tunes on it or looks at it, and the ledger lists every opening",
+            Self::Development => {
+                "constants are not fitted to it, but rules are kept or removed by it, and its figures are read while the work goes on"
+            }
+            Self::Sealed => {
+                "no constant is fitted to it and no rule chosen by it, and the ledger lists every opening with its results"
+            }
         }
     }
 }

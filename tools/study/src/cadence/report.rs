@@ -66,13 +66,6 @@ fn scores(records: &[Record], source: Source, cadence: Cadence, method: Method) 
     losses::Row::of(method.name(), VALUES.map(|(value, _)| over_scenes(records, value, of)))
 }
 
-/// Why repeating can be nearer between a world's own pictures, as found at the published places.
-const WHY: &str = "Run again after the generator had changed, each of the same twelve places has a lower LPIPS with `picture-flow` from 10 to 60 than \
-    with `repeat`: the loss is of an older generator, and these tables are due to be made again. What is left is the last frame before \
-    an anchor, where repeating is nearer by LPIPS: the third and fourth pictures that the decoder makes of a latent differ less than \
-    other neighbours, and generated frames move evenly. Nothing was done about that; frames would have to be placed by how far the \
-    decoder's pictures move.";
-
 /// Where repeating the nearer anchor is better than generating with optical flow, for each cadence's rows of the two.
 fn words(rows: &[(Cadence, [losses::Row; 2])]) -> String {
     let lost = rows.iter().filter_map(|(cadence, [repeat, flow])| {
@@ -82,7 +75,7 @@ fn words(rows: &[(Cadence, [losses::Row; 2])]) -> String {
     if lost.is_empty() {
         return "`repeat` is better than `picture-flow` in no measure at any cadence.\n".into();
     }
-    format!("**Where ours loses:** `picture-flow` is better than `repeat` but for this: {}. {WHY}\n", lost.join("; "))
+    format!("**Where ours loses:** `picture-flow` is better than `repeat` but for this: {}.\n", lost.join("; "))
 }
 
 /// The rows that [`words`] compares.

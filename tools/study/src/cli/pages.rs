@@ -10,7 +10,7 @@ use crate::experiment::provenance;
 
 #[derive(Args)]
 pub(super) struct PagesArgs {
-    /// Change pages that an older generator made so that they say so
+    /// Change pages that an older generator or another world made so that they say so
     #[arg(long)]
     mark: bool,
 }

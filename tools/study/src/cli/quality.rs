@@ -154,7 +154,7 @@ impl Subcommand for QualityArgs {
         }
         if self.check {
             outcome.claims.iter().for_each(|claim| println!("{claim}"));
-            println!("{} of {} claims held", outcome.claims.len() - outcome.missed, outcome.claims.len());
+            println!("{}", outcome.tally);
         }
         if outcome.interrupted {
             eprintln!("interrupted: the same command goes on from here");

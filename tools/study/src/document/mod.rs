@@ -113,9 +113,10 @@ impl Document {
         }
     }
 
-    /// The same, with the commits and generators of the rollouts that it shows [stated](stamped_with) in the Markdown.
+    /// The same, with the commits, generators and worlds of the rollouts that it shows [stated](stamped_with) in the Markdown.
     pub(crate) fn stamped<'a>(self, rollouts: impl IntoIterator<Item = &'a Manifest>) -> Self {
-        let sources = rollouts.into_iter().map(|manifest| &manifest.versions.source);
+        let source = |manifest: &'a Manifest| (&manifest.versions.source, Some(manifest.inputs.world.sha256.as_str()));
+        let sources = rollouts.into_iter().map(source);
         Self { markdown: stamped_with(&self.markdown, sources), ..self }
     }
 

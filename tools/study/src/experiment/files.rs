@@ -46,17 +46,18 @@ impl Files {
         write_all(self.0.iter().map(|file| (folder.join(&file.name), file.content.clone())).collect())
     }
 
-    /// Writes those of `names` that exist into the repository's docs, in that order; pages state their [commit](stamped). Returns their
-    /// paths.
+    /// Writes those of `names` that exist into the repository's docs, in that order; pages state their [commit](stamped) and the digest
+    /// of the bundle that their figures depend on. Returns their paths.
     ///
     /// # Errors
     /// `Io`.
-    pub(crate) fn publish(&self, names: &[&str]) -> Result<Vec<PathBuf>> {
+    pub(crate) fn publish(&self, names: &[&str], world: Option<&str>) -> Result<Vec<PathBuf>> {
         let docs = docs();
         let mut files = Vec::new();
         for (name, content) in self.published(names) {
             let is_page = name.ends_with(".md");
-            let content = if is_page { stamped(&String::from_utf8_lossy(&content)).into_bytes() } else { content };
+            let content =
+                if is_page { stamped(&String::from_utf8_lossy(&content), world).into_bytes() } else { content };
             files.push((docs.join(name), content));
         }
         write_all(files)

@@ -240,7 +240,7 @@ pub(crate) fn run<E: Experiment>(
     }
     let mut written = files.write(&settings.out)?;
     if settings.publish {
-        written.extend(files.publish(&[&page, &png])?);
+        written.extend(files.publish(&[&page, &png], Some(inputs.bundle.digest()))?);
     }
     Ok((Outcome { text: report.summary, files: written }, records))
 }

@@ -1,7 +1,8 @@
-//! States on each published page the commit and the generator that made it.
+//! States on each published page the commit, the generator and the world that made it.
 //!
-//! A commit may be rewritten by a merge, so the page also has a digest of the generator's sources: a test compares it with the sources of
-//! today. A page whose generator has changed since is made again, or says so.
+//! A commit may be rewritten by a merge, so the page also has a digest of the generator's sources, and that of the bundle if a world made its
+//! pictures: a test compares them with the sources and the embedded world of today. A page of another generator or world is made again, or
+//! says so.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -11,6 +12,7 @@ use std::process::Command;
 use std::sync::OnceLock;
 
 use cairn::Result;
+use cairn::bundle::{Bundle, OpenOptions};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
@@ -41,12 +43,16 @@ const PAGES: [Page; 8] = [
 
 /// Start of the line that a page has.
 const START: &str = "*Made at commit ";
-/// Start of the digest within that line.
+/// Starts of the digests within that line. Pages without a world have none of it, nor have those from before it was stated.
 const DIGEST: &str = "generator sources `";
+const WORLD: &str = "world `";
+/// Number of hexadecimal digits that a page shows of a digest.
+const DIGITS: usize = 16;
 /// Commit and digest of rollouts whose manifests name none.
 const UNKNOWN: &str = "unknown";
-/// Part of the line once the generator has changed.
+/// Parts of the line once the generator, or the embedded world, is another.
 const OLDER: &str = " The generator's sources have changed since.";
+const OTHER_WORLD: &str = " The world inside the library is another one now.";
 
 /// The sources that made a rollout or a page.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -69,18 +75,30 @@ impl Source {
     }
 }
 
-/// `page`, with this program's commit and generator stated below its title.
-pub(crate) fn stamped(page: &str) -> String {
-    stamped_with(page, [&Source::of_this_program()])
+/// `page`, with this program's commit and generator stated below its title, and the digest of the bundle whose pictures it shows.
+pub(crate) fn stamped(page: &str, world: Option<&str>) -> String {
+    stamped_with(page, [(&Source::of_this_program(), world)])
 }
 
-/// `page`, with the commits and generators of what it shows stated below its title. A part whose manifest has no sources is unknown.
-pub(crate) fn stamped_with<'a>(page: &str, sources: impl IntoIterator<Item = &'a Option<Source>>) -> String {
+/// `page`, with the commits, generators and worlds of what it shows stated below its title. A part whose manifest has no sources is unknown.
+pub(crate) fn stamped_with<'a>(
+    page: &str,
+    sources: impl IntoIterator<Item = (&'a Option<Source>, Option<&'a str>)>,
+) -> String {
     let unknown = || Source { commit: UNKNOWN.into(), generator: UNKNOWN.into() };
-    let sources: BTreeSet<Source> = sources.into_iter().map(|source| source.clone().unwrap_or_else(unknown)).collect();
-    let parts: Vec<String> =
-        sources.iter().map(|Source { commit, generator }| format!("{commit}; {DIGEST}{generator}`")).collect();
+    let sources: BTreeSet<(Source, Option<&str>)> =
+        sources.into_iter().map(|(source, world)| (source.clone().unwrap_or_else(unknown), world)).collect();
+    let part = |(Source { commit, generator }, world): &(Source, Option<&str>)| {
+        let world = world.map_or_else(String::new, |digest| format!("; {WORLD}{}`", shown(digest)));
+        format!("{commit}; {DIGEST}{generator}`{world}")
+    };
+    let parts: Vec<String> = sources.iter().map(part).collect();
     with_line(page, &format!("{START}{}.*", parts.join("; and at commit ")))
+}
+
+/// What a page shows of a digest.
+fn shown(digest: &str) -> &str {
+    digest.get(..DIGITS).unwrap_or(digest)
 }
 
 /// Inserts `line` as a paragraph below the title.
@@ -105,8 +123,7 @@ fn commit(root: &Path) -> String {
     }
 }
 
-/// Digest of the generator's sources below `root`, without tests, empty lines and lines that are comments: the first 16 hexadecimal digits
-/// of a SHA-256.
+/// Digest of the generator's sources below `root`, without tests, empty lines and lines that are comments: the first [`DIGITS`] of a SHA-256.
 fn digest(root: &Path) -> Result<String> {
     let mut files = Vec::new();
     for name in SOURCES {
@@ -119,7 +136,7 @@ fn digest(root: &Path) -> Result<String> {
         let text = fs::read_to_string(&path).map_err(|e| describe_io("cannot be read", &path, &e))?;
         hash.update(code(&text));
     }
-    Ok(hash.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect())
+    Ok(hash.finalize().iter().take(DIGITS / 2).map(|byte| format!("{byte:02x}")).collect())
 }
 
 /// The lines of a source file that are code.
@@ -144,42 +161,69 @@ fn gather(path: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
     Ok(())
 }
 
-/// What a page says about its generator, against the generator of today.
+/// The digests of today's generator and of the embedded world.
+#[derive(Debug, Clone, Copy)]
+struct Today<'a> {
+    generator: &'a str,
+    world: &'a str,
+}
+
+/// What a page says about its generator and its world, against those of today.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum State {
     /// It has no line, or one that cannot be read.
     Silent,
-    /// It was made by today's generator.
+    /// It was made by today's generator and world.
     Current,
-    /// It was made by an older one and says so.
+    /// It was made by others and says so.
     SaysOlder,
-    /// It was made by an older one and does not say so, or says so although it was not.
+    /// It was made by others and does not say so, or says so although it was not.
     Wrong,
 }
 
-fn state(page: &str, today: &str) -> State {
+/// The digests in a page's line that follow `start`.
+fn digests<'a>(line: &'a str, start: &'static str) -> impl Iterator<Item = &'a str> {
+    line.split(start).skip(1).map(|rest| rest.split('`').next().unwrap_or_default())
+}
+
+/// The end that a page's line should have: whether its generator and its world are still those of today.
+fn changes(line: &str, today: Today<'_>) -> String {
+    let is_older = digests(line, DIGEST).any(|digest| digest != today.generator);
+    let is_other = digests(line, WORLD).any(|digest| digest != shown(today.world));
+    [(is_older, OLDER), (is_other, OTHER_WORLD)].iter().filter(|(is, _)| *is).map(|(_, words)| *words).collect()
+}
+
+/// A page's line, and what it says of changes since then.
+fn split_changes(line: &str) -> (String, String) {
+    let said: String = [OLDER, OTHER_WORLD].into_iter().filter(|words| line.contains(words)).collect();
+    (line.replace(OLDER, "").replace(OTHER_WORLD, ""), said)
+}
+
+fn state(page: &str, today: Today<'_>) -> State {
     let Some(line) = page.lines().find(|line| line.starts_with(START)) else { return State::Silent };
-    let digests: Vec<&str> =
-        line.split(DIGEST).skip(1).map(|rest| rest.split('`').next().unwrap_or_default()).collect();
-    if digests.is_empty() || digests.contains(&UNKNOWN) {
+    let mut generators = digests(line, DIGEST).peekable();
+    if generators.peek().is_none() || generators.any(|digest| digest == UNKNOWN) {
         return State::Silent;
     }
-    match (digests.iter().all(|digest| *digest == today), line.contains(OLDER)) {
-        (true, false) => State::Current,
-        (false, true) => State::SaysOlder,
-        _ => State::Wrong,
+    let (wanted, (_, said)) = (changes(line, today), split_changes(line));
+    match (wanted == said, said.is_empty()) {
+        (true, true) => State::Current,
+        (true, false) => State::SaysOlder,
+        (false, _) => State::Wrong,
     }
 }
 
-/// `page`, whose line says whether the generator has changed since; the same if it has no line.
-fn marked(page: &str, today: &str) -> String {
+/// `page`, whose line says whether the generator and the world have changed since; the same if it has no line.
+fn marked(page: &str, today: Today<'_>) -> String {
     if state(page, today) != State::Wrong {
         return page.to_owned();
     }
-    let mark = |line: &str| match line.strip_prefix(START) {
-        None => line.to_owned(),
-        Some(_) if line.contains(OLDER) => line.replace(OLDER, ""),
-        Some(_) => format!("{}{OLDER}*", line.trim_end_matches('*')),
+    let mark = |line: &str| {
+        if !line.starts_with(START) {
+            return line.to_owned();
+        }
+        let (plain, _) = split_changes(line);
+        format!("{}{}*", plain.trim_end_matches('*'), changes(line, today))
     };
     page.lines().map(|line| mark(line) + "\n").collect()
 }
@@ -189,35 +233,36 @@ fn marked(page: &str, today: &str) -> String {
 pub(crate) struct PageState {
     /// Path within the docs, what it says, and the command that makes it again.
     pub(crate) line: String,
-    /// Whether it says something wrong about its generator, or nothing.
+    /// Whether it says something wrong about its generator or its world, or nothing.
     pub(crate) is_wrong: bool,
 }
 
-/// The published pages. With `mark`, pages of an older generator are changed to say so first.
+/// The published pages. With `mark`, pages of an older generator or another world are changed to say so first.
 ///
 /// # Errors
 /// `Io`.
 pub(crate) fn pages(mark: bool) -> Result<Vec<PageState>> {
-    let today = digest(provision::repository())?;
+    let (generator, bundle) = (digest(provision::repository())?, Bundle::embedded(&OpenOptions::default())?);
+    let today = Today { generator: &generator, world: bundle.digest() };
     let page = |page: &Page| {
         let path = docs().join(page.path);
         let mut text = fs::read_to_string(&path).map_err(|e| describe_io("cannot be read", &path, &e))?;
         if mark {
-            let marked = marked(&text, &today);
+            let marked = marked(&text, today);
             if marked != text {
                 write_all(vec![(path, marked.clone().into_bytes())])?;
                 text = marked;
             }
         }
         let again = format!("make it anew with `cargo run --release -p study -- {}`", &page.command["study ".len()..]);
-        let (is_wrong, says) = match state(&text, &today) {
-            State::Current => (false, "made by today's generator".to_owned()),
-            State::SaysOlder => (false, format!("made by an older generator, and says so; {again}")),
+        let (is_wrong, says) = match state(&text, today) {
+            State::Current => (false, "made by today's generator and world".to_owned()),
+            State::SaysOlder => (false, format!("made by an older generator or another world, and says so; {again}")),
             State::Silent => (true, format!("does not say which generator made it; {again}")),
             State::Wrong => (
                 true,
                 format!(
-                    "was made by another generator than it says; {again}, or let it say so with `study pages --mark`"
+                    "was made by another generator or world than it says; {again}, or let it say so with `study pages --mark`"
                 ),
             ),
         };
@@ -236,34 +281,62 @@ mod tests {
         assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     }
 
+    const TODAY: Today<'_> = Today { generator: "0011", world: "0123456789abcdef0123" };
+    const TOMORROW: Today<'_> = Today { generator: "0012", ..TODAY };
+
     #[test]
     fn a_page_is_current_until_the_generator_changes_and_then_says_so() {
         let page = with_line("# Title\n\nText.\n", &format!("{START}`178771f` of 2026-11-23; {DIGEST}0011`.*"));
         assert_eq!(page, "# Title\n\n*Made at commit `178771f` of 2026-11-23; generator sources `0011`.*\n\nText.\n");
-        assert_eq!((state(&page, "0011"), state(&page, "0012")), (State::Current, State::Wrong));
-        assert_eq!(marked(&page, "0011"), page);
-        let older = marked(&page, "0012");
+        assert_eq!((state(&page, TODAY), state(&page, TOMORROW)), (State::Current, State::Wrong));
+        assert_eq!(marked(&page, TODAY), page);
+        let older = marked(&page, TOMORROW);
         assert!(older.contains("`0011`. The generator's sources have changed since.*\n\nText."), "{older}");
         // A generator that is changed back makes the page current again.
-        assert_eq!((state(&older, "0012"), state(&older, "0011")), (State::SaysOlder, State::Wrong));
-        assert_eq!(marked(&older, "0011"), page);
-        assert_eq!(state("# Title\n\nText.\n", "0011"), State::Silent);
+        assert_eq!((state(&older, TOMORROW), state(&older, TODAY)), (State::SaysOlder, State::Wrong));
+        assert_eq!(marked(&older, TODAY), page);
+        assert_eq!(state("# Title\n\nText.\n", TODAY), State::Silent);
+    }
+
+    #[test]
+    fn a_page_of_a_world_names_the_bundle_and_says_so_once_another_is_embedded() {
+        let source = Some(Source { commit: "`178771f` of 2026-11-23".into(), generator: "0011".into() });
+        let page = stamped_with("# Title\n\nText.\n", [(&source, Some(TODAY.world))]);
+        let line = "*Made at commit `178771f` of 2026-11-23; generator sources `0011`; world `0123456789abcdef`.*";
+        assert_eq!(page, format!("# Title\n\n{line}\n\nText.\n"));
+        let other = Today { world: "fedcba9876543210", ..TODAY };
+        assert_eq!((state(&page, TODAY), state(&page, other)), (State::Current, State::Wrong));
+        let of_other = marked(&page, other);
+        assert!(of_other.contains("abcdef`. The world inside the library is another one now.*\n"), "{of_other}");
+        assert_eq!((state(&of_other, other), state(&of_other, TODAY)), (State::SaysOlder, State::Wrong));
+        assert_eq!(marked(&of_other, TODAY), page);
+        // Both have changed; then one of them is as it was.
+        let both = Today { generator: "0012", ..other };
+        assert_eq!(state(&of_other, both), State::Wrong);
+        let of_both = marked(&of_other, both);
+        assert!(of_both.contains("`. The generator's sources have changed since. The world inside"), "{of_both}");
+        assert_eq!((state(&of_both, both), marked(&of_both, other)), (State::SaysOlder, of_other));
+        // Rollouts of two worlds are two parts.
+        let parts = [(&source, Some(TODAY.world)), (&source, Some(other.world)), (&source, Some(TODAY.world))];
+        let two = stamped_with("# Title\n", parts);
+        assert_eq!((two.matches(WORLD).count(), two.matches(DIGEST).count()), (2, 2), "{two}");
     }
 
     #[test]
     fn a_page_of_kept_rollouts_names_all_their_sources() {
         let [older, newer] = [("`178771f` of 2026-11-23", "0011"), ("`65cf61b` of 2026-11-24", "0012")]
             .map(|(commit, generator)| Some(Source { commit: commit.into(), generator: generator.into() }));
-        let page = |sources: &[&Option<Source>]| stamped_with("# Title\n\nText.\n", sources.iter().copied());
+        let page = |sources: &[&Option<Source>]| stamped_with("# Title\n\nText.\n", sources.iter().map(|s| (*s, None)));
         let both = page(&[&newer, &older, &newer]);
         assert_eq!(
             both,
             "# Title\n\n*Made at commit `178771f` of 2026-11-23; generator sources `0011`; and at commit `65cf61b` of 2026-11-24; \
              generator sources `0012`.*\n\nText.\n"
         );
-        assert_eq!((state(&both, "0012"), state(&marked(&both, "0012"), "0012")), (State::Wrong, State::SaysOlder));
-        assert_eq!(state(&page(&[&newer, &newer]), "0012"), State::Current);
-        assert_eq!(state(&page(&[&newer, &None]), "0012"), State::Silent);
+        let today = TOMORROW;
+        assert_eq!((state(&both, today), state(&marked(&both, today), today)), (State::Wrong, State::SaysOlder));
+        assert_eq!(state(&page(&[&newer, &newer]), today), State::Current);
+        assert_eq!(state(&page(&[&newer, &None]), today), State::Silent);
     }
 
     #[test]

@@ -181,7 +181,7 @@ pub fn ablate(settings: &AblationSettings, progress: &Progress, stop: &AtomicBoo
     files.add(TABLE, page::csv(&losses));
     let mut written = files.write(&settings.out)?;
     if settings.publish {
-        written.extend(files.publish(&[PAGE])?);
+        written.extend(files.publish(&[PAGE], None)?);
     }
     Ok(AblationOutcome { text, files: written, left_out })
 }

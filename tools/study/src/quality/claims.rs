@@ -8,18 +8,68 @@ use super::table::{Table, is_better, measures};
 /// Names of the measures.
 pub(super) const MEASURES: [&str; 3] = ["PSNR", "SSIM", "LPIPS"];
 
-/// A claim about one row on one group of clips, and whether the table supports it.
+/// What the measurements say about a claim.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Verdict {
+    Held,
+    Missed,
+    /// They decide nothing.
+    NotJudged,
+}
+
+impl Verdict {
+    pub(super) fn of(holds: bool) -> Self {
+        if holds { Self::Held } else { Self::Missed }
+    }
+
+    /// The cell of the page.
+    pub(super) fn label(self) -> &'static str {
+        match self {
+            Self::Held => "held",
+            Self::Missed => "**missed**",
+            Self::NotJudged => "not judged",
+        }
+    }
+}
+
+/// A claim, such as that a row is better than others on a group of clips, and the verdict on it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Claim {
     pub(super) what: String,
-    pub(super) held: bool,
-    /// The values that decide it.
+    pub(super) verdict: Verdict,
+    /// The values that decide it, or why none do.
     pub(super) figures: String,
+}
+
+/// Number of claims with each verdict.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Tally {
+    pub(super) held: usize,
+    pub(super) missed: usize,
+    pub(super) not_judged: usize,
+}
+
+impl Tally {
+    pub(super) fn of(claims: &[Claim]) -> Self {
+        let count = |verdict| claims.iter().filter(|claim| claim.verdict == verdict).count();
+        Self { held: count(Verdict::Held), missed: count(Verdict::Missed), not_judged: count(Verdict::NotJudged) }
+    }
+}
+
+impl fmt::Display for Tally {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} of {} claims held", self.held, self.held + self.missed)?;
+        if self.not_judged > 0 { write!(f, ", {} not judged", self.not_judged) } else { Ok(()) }
+    }
 }
 
 impl fmt::Display for Claim {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let verdict = if self.held { "held  " } else { "MISSED" };
+        let verdict = match self.verdict {
+            Verdict::Held => "held  ",
+            Verdict::Missed => "MISSED",
+            Verdict::NotJudged => "not judged",
+        };
         write!(f, "{verdict}  {}: {}", self.what, self.figures)
     }
 }
@@ -77,7 +127,7 @@ fn better(table: &Table, group: &str, row: Kind, others: &[Kind], which: &[usize
     let names: Vec<&str> = rivals.iter().map(|(kind, _)| kind.name()).collect();
     let claimed: Vec<&str> = which.iter().map(|i| MEASURES[*i]).collect();
     let what = format!("{group}: {} beats {} in {}", row.name(), names.join(", "), claimed.join(", "));
-    (!figures.is_empty()).then(|| Claim { what, held, figures: figures.join("; ") })
+    (!figures.is_empty()).then(|| Claim { what, verdict: Verdict::of(held), figures: figures.join("; ") })
 }
 
 /// Clips of a group of several on which `row` does not beat all of `others`, with the measures: a mean hides none.
@@ -112,13 +162,13 @@ mod tests {
             record("snow-5", Kind::Rife, 29.0, Some(0.005)),
         ]);
         let claims = judge(&table);
-        let told: Vec<(bool, &str)> = claims.iter().map(|c| (c.held, c.what.as_str())).collect();
+        let told: Vec<(Verdict, &str)> = claims.iter().map(|c| (c.verdict, c.what.as_str())).collect();
         assert_eq!(
             told,
             [
-                (false, "snow: cairn-truth beats blend, rife, cairn-flow in PSNR, SSIM, LPIPS"),
-                (false, "snow: cairn-flow beats blend in PSNR, SSIM, LPIPS"),
-                (true, "snow: cairn-flow beats rife in PSNR"),
+                (Verdict::Missed, "snow: cairn-truth beats blend, rife, cairn-flow in PSNR, SSIM, LPIPS"),
+                (Verdict::Missed, "snow: cairn-flow beats blend in PSNR, SSIM, LPIPS"),
+                (Verdict::Held, "snow: cairn-flow beats rife in PSNR"),
             ]
         );
         assert!(claims[0].figures.contains("LPIPS 0.0100, not better than 0.0050 of rife"), "{}", claims[0]);
@@ -173,7 +223,7 @@ mod tests {
         assert!(of(30.001, 30.002).figures.contains("better than 30.00 of blend"));
         assert!(of(30.001, 30.02).figures.contains("better than 30.02 of flowfps"));
         // The verdict is of exact values.
-        assert!(!of(39.0, 40.001).held && of(39.0, 39.999).held);
+        assert_eq!([of(39.0, 40.001).verdict, of(39.0, 39.999).verdict], [Verdict::Missed, Verdict::Held]);
     }
 
     #[test]
@@ -184,6 +234,9 @@ mod tests {
         let table =
             Table::new(&[record("snow-5", Kind::Flow, 40.0, None), record("snow-5", Kind::Blend, 30.0, Some(0.1))]);
         let claims = judge(&table);
-        assert!(claims.len() == 1 && claims[0].held && !claims[0].figures.contains("LPIPS"), "{claims:?}");
+        assert!(
+            claims.len() == 1 && claims[0].verdict == Verdict::Held && !claims[0].figures.contains("LPIPS"),
+            "{claims:?}"
+        );
     }
 }

@@ -26,7 +26,7 @@ const COLUMNS: usize = 10;
 /// Commit and state of the work tree of a copy without git.
 const NO_GIT: &str = "no-git";
 /// Sources of the generator and of `picture_flow`, from the repository's root.
-const GENERATOR: [&str; 2] = ["src/framegen", "src/guidance"];
+pub(super) const GENERATOR: [&str; 2] = ["src/framegen", "src/guidance"];
 
 /// The state of the sources that a measurement was made with.
 #[derive(Debug, Clone, PartialEq, Eq)]

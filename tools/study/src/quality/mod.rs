@@ -38,11 +38,13 @@ use crate::metrics::{Lpips, Net};
 use crate::progress::Progress;
 use crate::sets;
 pub use ablate::{AblationOutcome, AblationSettings, ablate};
+use claims::Tally;
 use clips::Scale;
 pub use floors::{FloorSettings, FloorsOutcome, floors};
 use ledger::{Entry, LEDGER, Ledger, OWN_LEDGER, Sources};
 use measure::{Measurements, Plan};
 use media::{describe_io, encode_png};
+use rows::Kind;
 use rows::program::not_provided;
 use store::Store;
 use table::Table;
@@ -166,7 +168,9 @@ pub struct Outcome {
     pub files: Vec<PathBuf>,
     /// Verdict on each claim, one line each.
     pub claims: Vec<String>,
-    /// Number of claims that the table does not support.
+    /// How many claims held, were missed and were not judged.
+    pub tally: String,
+    /// Number of missed claims.
     pub missed: usize,
     /// Number of scores that were computed now.
     pub computed: usize,
@@ -204,6 +208,7 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
         return Ok(Outcome {
             files: Vec::new(),
             claims: Vec::new(),
+            tally: Tally::of(&[]).to_string(),
             missed: 0,
             computed: measured.computed,
             kept: measured.kept,
@@ -229,11 +234,17 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
     let mut written = files.write(&settings.out)?;
     if settings.publish && !measured.interrupted {
         let names = page.names();
-        written.extend(files.publish(&[names.summary, FIGURE, names.report])?);
+        // This row alone runs a world.
+        let is_paper = measured.rows.iter().any(|(kind, _)| *kind == Kind::Paper);
+        let world = is_paper.then(|| inputs::world(None, progress)).transpose()?;
+        let digest = world.as_ref().map(|(bundle, _)| bundle.digest());
+        written.extend(files.publish(&[names.summary, FIGURE, names.report], digest)?);
     }
+    let tally = Tally::of(&claims);
     Ok(Outcome {
         files: written,
-        missed: claims.iter().filter(|claim| !claim.held).count(),
+        tally: tally.to_string(),
+        missed: tally.missed,
         claims: claims.iter().map(ToString::to_string).collect(),
         computed: measured.computed,
         kept: measured.kept,

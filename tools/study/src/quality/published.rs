@@ -7,7 +7,7 @@ use std::fs;
 
 use cairn::{Error, ErrorKind, Result};
 
-use super::claims::{self, Claim, MEASURES};
+use super::claims::{self, Claim, MEASURES, Tally, Verdict};
 use super::rows::KINDS;
 use super::table::{Table, is_better, measures};
 use super::{REPORT, SUMMARY, report, speed};
@@ -18,12 +18,10 @@ use media::describe_io;
 fn claims_of(page: &str) -> Vec<Claim> {
     let claim = |line: &str| {
         let mut cells = line.strip_prefix("| ")?.strip_suffix(" |")?.split(" | ");
-        let held = match cells.next()? {
-            "held" => true,
-            "**missed**" => false,
-            _ => return None,
-        };
-        Some(Claim { what: cells.next()?.to_owned(), held, figures: cells.next()?.to_owned() })
+        let cell = cells.next()?;
+        let all = [Verdict::Held, Verdict::Missed, Verdict::NotJudged];
+        let verdict = all.into_iter().find(|verdict| verdict.label() == cell)?;
+        Some(Claim { what: cells.next()?.to_owned(), verdict, figures: cells.next()?.to_owned() })
     };
     page.lines().filter_map(claim).collect()
 }
@@ -55,7 +53,7 @@ fn differences(page: &str, csv: &str) -> Result<Vec<String>> {
     for claim in &judged {
         match stated.iter().find(|c| c.what == claim.what) {
             None => found.push(format!("{REPORT} does not state the claim \"{}\"", claim.what)),
-            Some(c) if c.held != claim.held => {
+            Some(c) if c.verdict != claim.verdict => {
                 found.push(format!("{REPORT} says otherwise than {SUMMARY}: {claim}"));
             }
             Some(c) if !is_same(&c.figures, &claim.figures) => {
@@ -67,16 +65,15 @@ fn differences(page: &str, csv: &str) -> Result<Vec<String>> {
     for claim in stated.iter().filter(|c| !judged.iter().any(|j| j.what == c.what)) {
         match speed::verdict(&claim.what, &claim.figures) {
             None => found.push(format!("{REPORT} states a claim that nothing decides: \"{}\"", claim.what)),
-            Some(held) if held != claim.held => {
+            Some(verdict) if verdict != claim.verdict => {
                 found.push(format!("{REPORT} says otherwise than its own figure: {claim}"));
             }
             Some(_) => {}
         }
     }
-    let held = stated.iter().filter(|claim| claim.held).count();
-    let count = format!("{held} of {} claims held", stated.len());
+    let count = format!("\n{};", Tally::of(&stated));
     if !page.contains(&count) {
-        found.push(format!("{REPORT} does not say that {count}"));
+        found.push(format!("{REPORT} does not say that {}", Tally::of(&stated)));
     }
     Ok(found)
 }
@@ -130,7 +127,8 @@ pub(super) fn evidence(table: &Table) -> Result<Vec<(String, Evidence)>> {
             parts(&claim.what).is_some_and(|(c, all)| c == mine && rivals.iter().all(|rival| all.contains(rival)))
         };
         let claim = stated.iter().find(same)?;
-        let evidence = match (claim.held && !now.held, is_behind(table, mine, &rivals)?) {
+        let is_lost = (claim.verdict, now.verdict) == (Verdict::Held, Verdict::Missed);
+        let evidence = match (is_lost, is_behind(table, mine, &rivals)?) {
             (false, _) => Evidence::Agrees,
             (true, false) => Evidence::TooClose(now.figures),
             (true, true) => Evidence::Contradicts(format!("{REPORT} says that it holds, and here: {}", now.figures)),
@@ -181,19 +179,29 @@ mod tests {
         let (page, csv) = (read(REPORT).unwrap(), read(SUMMARY).unwrap());
         let stated = claims_of(&page);
         let wrong = |page: &str, csv: &str| !differences(page, csv).unwrap().is_empty();
-        // Each verdict, reversed alone.
+        let with_verdict = |claim: &Claim, other: Verdict| {
+            let [from, to] = [claim.verdict, other].map(|verdict| format!("| {} | {}", verdict.label(), claim.what));
+            page.replace(&from, &to)
+        };
+        // Each verdict, changed alone.
         for claim in &stated {
-            let [from, to] =
-                if claim.held { ["| held | ", "| **missed** | "] } else { ["| **missed** | ", "| held | "] };
-            let changed = page.replace(&format!("{from}{}", claim.what), &format!("{to}{}", claim.what));
+            let other = if claim.verdict == Verdict::Held { Verdict::Missed } else { Verdict::Held };
+            let changed = with_verdict(claim, other);
             assert!(changed != page && wrong(&changed, &csv), "{claim}");
+        }
+        // A claim that is judged is not said not to be.
+        for claim in [stated.first(), stated.last()].into_iter().flatten() {
+            assert!(
+                claim.verdict != Verdict::NotJudged && wrong(&with_verdict(claim, Verdict::NotJudged), &csv),
+                "{claim}"
+            );
         }
         // A group's mean of the table, moved by a hundredth of a dB.
         let line = csv.lines().find(|line| line.starts_with("2,snow,,cairn-flow,")).unwrap();
         let psnr = line.split(',').nth(5).unwrap();
         let moved = line.replace(psnr, &format!("{:.4}", psnr.parse::<f64>().unwrap() - 0.04));
         assert!(wrong(&page, &csv.replace(line, &moved)));
-        assert!(wrong(&page.replace(" claims held;", " claims stand;"), &csv));
+        assert!(wrong(&page.replace(" claims held", " claims stand"), &csv));
         let known = stated[0].what.clone();
         assert!(wrong(&page.replace(&known, "meadow: cairn-truth beats blend in PSNR"), &csv));
     }
@@ -213,7 +221,8 @@ mod tests {
     #[test]
     fn a_claim_that_is_stated_and_not_held_now_is_named() {
         let stated = claims_of(&read(REPORT).unwrap());
-        let held = stated.iter().find(|c| c.held && c.what.starts_with("snow: cairn-truth")).unwrap();
+        let held =
+            stated.iter().find(|c| c.verdict == Verdict::Held && c.what.starts_with("snow: cairn-truth")).unwrap();
         assert!(parts(&held.what).unwrap().1.contains(&"rife"));
         let snow = |truth: f64| {
             let table = Table::new(&[

@@ -2,13 +2,14 @@
 
 use std::fmt::Write as _;
 
-use super::claims::MEASURES;
-use super::ledger::LEDGER;
+use super::claims::{MEASURES, Tally};
+use super::ledger::{GENERATOR, LEDGER};
 use super::limits::LIMITS;
 use super::measure::Measurements;
 use super::rows::Kind;
 use super::table::{Table, is_better, measures};
 use super::{FIGURE, FRAMES, Opening, Page, Settings};
+use crate::losses::list;
 use crate::sets::{self, Set};
 
 /// The whole text. It depends on the measurements only, so the page changes only when they do.
@@ -45,16 +46,14 @@ pub(super) fn text(page: &Page<'_>, measured: &Measurements, caption: Option<&st
         tables(&mut out, table, multiplier, &sets_of(measured));
     }
     if !claims.is_empty() {
-        let held = claims.iter().filter(|claim| claim.held).count();
         _ = write!(
             out,
-            "\n## What is claimed\n\n{held} of {} claims held; `study quality --check` fails where one does not.\n\n\
+            "\n## What is claimed\n\n{}; `study quality --check` fails where one is missed.\n\n\
              | | claim | figures |\n|---|---|---|\n",
-            claims.len()
+            Tally::of(claims)
         );
         for claim in *claims {
-            let verdict = if claim.held { "held" } else { "**missed**" };
-            _ = writeln!(out, "| {verdict} | {} | {} |", claim.what, claim.figures);
+            _ = writeln!(out, "| {} | {} | {} |", claim.verdict.label(), claim.what, claim.figures);
         }
     }
     if let Some(speed) = speed {
@@ -123,12 +122,13 @@ fn is_tuned(settings: &Settings) -> bool {
 fn sealed(out: &mut String, opening: &Opening) {
     let date = opening.entry.date.strftime("%Y-%m-%d, %H:%M UTC");
     let sources = &opening.entry.sources;
+    let folders = GENERATOR.map(|folder| format!("`{folder}`")).join(" and ");
     _ = write!(
         out,
         "\n**These clips are sealed.** Every command refuses their seeds, control scripts and films; `study quality --sealed` alone opens \
          them. It shows means of clips only, no picture and no frame's score, and each time it appends date, commit and results to the \
          ledger, [`{LEDGER}`](sealed-ledger.csv), before it shows anything. Lines of the ledger are never changed, and a test checks that.\n\n\
-         This is opening {} of the set: {date}, commit `{}`, work tree {}, sources of the generator `{}`.\n",
+         This is opening {} of the set: {date}, commit `{}`, work tree {}, ledger digest of {folders}, tests and comments included, `{}`.\n",
         opening.number, sources.commit, sources.work_tree, sources.generator
     );
 }
@@ -302,14 +302,17 @@ fn method(out: &mut String, page: &Page<'_>) {
     let Settings { rows, clips, lpips, .. } = settings;
     let seeds: Vec<String> = settings.seeds.iter().map(ToString::to_string).collect();
     let speed = if settings.speed { " --speed" } else { "" };
-    let tuned = if page.opening.is_some() {
-        "The constants of the generator and of `picture_flow` were tuned on seed 4 of the scenes alone. No result on the clips shown \
-         here was seen while rules were chosen."
+    const CONSTANTS: &str =
+        "The constants of the generator and of `picture_flow` were tuned on seed 4 of the scenes alone.";
+    let tuned = if let Some(opening) = page.opening {
+        format!("{CONSTANTS} {}", earlier_openings(opening.number, settings.own_set.is_none()))
     } else if is_tuned(settings) {
-        "The generator and `picture_flow` are tuned on seed 4 of the scenes, and seeds of the tuning set are among these."
+        "The generator and `picture_flow` are tuned on seed 4 of the scenes, and seeds of the tuning set are among these.".into()
     } else {
-        "The constants of the generator and of `picture_flow` were tuned on seed 4 of the scenes alone. The clips shown here are \
-         development sets: their results were seen while rules were chosen."
+        format!(
+            "{CONSTANTS} The clips shown here are development sets: rules were kept or removed by their results, which were read \
+             while the work went on."
+        )
     };
     let which = if page.opening.is_some() { "--sealed".to_owned() } else { format!("--seeds {}", seeds.join(",")) };
     let frames = match page.opening {
@@ -333,6 +336,39 @@ fn method(out: &mut String, page: &Page<'_>) {
          map's own lines and heights, and where the two contradict each other the buffer counts.\n\
          - `{summary}` beside this page holds every mean; {frames}.\n",
     );
+}
+
+/// The rules that changed after an opening of the repository's sealed set, by the number of the opening, with their commits. The changelog
+/// has the figures that they were judged by.
+const CHANGED_RULES: [(usize, &str); 3] = [
+    (1, "the wide search of `picture_flow` (`fe2438cc`)"),
+    (1, "the removal of three rules (`f06a00ac`)"),
+    (2, "the test for static overlays (`d67434f1`)"),
+];
+
+/// What was known of the sealed clips before opening `number`.
+fn earlier_openings(number: usize, is_repositorys: bool) -> String {
+    let earlier: Vec<String> = (1..number).map(|n| n.to_string()).collect();
+    let openings = match earlier.len() {
+        0 => return "No result on the clips shown here was seen before.".into(),
+        1 => "opening 1".to_owned(),
+        _ => format!("openings {}", list(&earlier)),
+    };
+    let changed = |opening: usize| {
+        let of = CHANGED_RULES.iter().filter(|(after, _)| *after == opening && is_repositorys);
+        let rules: Vec<String> = of.map(|(_, rule)| (*rule).to_owned()).collect();
+        (!rules.is_empty()).then(|| format!("after opening {opening} {}", list(&rules)))
+    };
+    let changes: Vec<String> = (1..number).filter_map(changed).collect();
+    let mut out = format!("But the clips were not unseen: the results of {openings}, clip by clip, are in the ledger");
+    if !changes.is_empty() {
+        _ = write!(
+            out,
+            ", and rules changed after they were published: {}. These changes were judged on clips of the tuning and development sets",
+            changes.join(", ")
+        );
+    }
+    out + "."
 }
 
 fn capital(text: &str) -> String {
@@ -396,6 +432,33 @@ mod tests {
         ] {
             assert!(text.contains(part), "{part} is not in\n{text}");
         }
+    }
+
+    #[test]
+    fn the_sealed_page_says_which_rules_changed_after_its_results_were_known() {
+        let page = include_str!("../../../../docs/quality-sealed.md");
+        let (_, after) = page.split_once("This is opening ").unwrap();
+        let number: usize = after.split(' ').next().unwrap().parse().unwrap();
+        assert!(page.contains(&earlier_openings(number, true)), "{}", earlier_openings(number, true));
+        assert!(number > 1 && !page.contains("No result"));
+        assert_eq!(earlier_openings(1, true), "No result on the clips shown here was seen before.");
+        assert!(
+            earlier_openings(2, true)
+                .contains("results of opening 1, clip by clip, are in the ledger, and rules changed")
+        );
+        assert!(!earlier_openings(2, true).contains("d67434f1") && earlier_openings(3, true).contains("d67434f1"));
+        // Another set has another ledger.
+        assert!(earlier_openings(3, false).ends_with("openings 1 and 2, clip by clip, are in the ledger."));
+    }
+
+    #[test]
+    fn the_page_says_what_the_development_sets_were_used_for() {
+        let page = include_str!("../../../../docs/quality.md");
+        assert!(page.contains(LIMITS), "{LIMITS}");
+        assert!(page.contains(&format!("From the development set: {}.", Set::Development.meaning())));
+        let sealed = include_str!("../../../../docs/quality-sealed.md");
+        assert!(sealed.contains(&format!("From the sealed set: {}.", Set::Sealed.meaning())));
+        assert!(sealed.contains("ledger digest of `src/framegen` and `src/guidance`, tests and comments included, `"));
     }
 
     #[test]

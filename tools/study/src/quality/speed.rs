@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use scenes::Family;
 
-use super::claims::Claim;
+use super::claims::{Claim, Verdict};
 use super::clips::{Clip, Scale, SceneClip};
 use super::rows::minterpolate::Minterpolate;
 use super::store::Store;
@@ -42,17 +42,21 @@ const FAMILY: Family = Family::Forest;
 const OTHER_FAMILIES: [Family; 3] = [Family::Sword, Family::Desert, Family::Snow];
 /// Scene seed for tuning the generator.
 const SEED: u64 = 4;
+/// Largest spread of the plain average's times with which claims are judged by it: the middle half over the median.
+const MAX_SPREAD: f64 = 0.25;
 
 /// A claim about times: a ratio is at most or at least so much.
 struct SpeedBound {
     what: &'static str,
     bound: f64,
     at_most: bool,
+    /// Whether the ratio is to the plain average's time.
+    is_of_average: bool,
 }
 
 impl SpeedBound {
-    fn holds(&self, figure: f64) -> bool {
-        if self.at_most { figure <= self.bound } else { figure >= self.bound }
+    fn verdict(&self, figure: f64) -> Verdict {
+        Verdict::of(if self.at_most { figure <= self.bound } else { figure >= self.bound })
     }
 }
 
@@ -62,29 +66,44 @@ const BOUNDS: [SpeedBound; 5] = [
         what: "motion in tiles: at most 8 times the plain average's time at 1920x1080",
         bound: 8.0,
         at_most: true,
+        is_of_average: true,
     },
     SpeedBound {
         what: "motion to every pixel: at most 24 times the plain average's time at 1920x1080",
         bound: 24.0,
         at_most: true,
+        is_of_average: true,
     },
     SpeedBound {
         what: "`picture_flow` and generation: at least 10 times as fast as minterpolate",
         bound: 10.0,
         at_most: false,
+        is_of_average: false,
     },
-    SpeedBound { what: "generation: a second core makes it at least 1.7 times as fast", bound: 1.7, at_most: false },
+    SpeedBound {
+        what: "generation: a second core makes it at least 1.7 times as fast",
+        bound: 1.7,
+        at_most: false,
+        is_of_average: false,
+    },
     SpeedBound {
         what: "`picture_flow` and generation: a second core makes it at least 1.7 times as fast",
         bound: 1.7,
         at_most: false,
+        is_of_average: false,
     },
 ];
 
-/// Whether a claim about times holds by its figure in a page, such as `12.16 times`; `None` for another claim or figure.
-pub(super) fn verdict(what: &str, figure: &str) -> Option<bool> {
-    let figure = figure.strip_suffix(" times")?.parse().ok()?;
-    BOUNDS.iter().find(|bound| bound.what == what).map(|bound| bound.holds(figure))
+/// Start of the figures of a claim that is not judged.
+const NO_MEASURE: &str = "the plain average is no measure: ";
+
+/// The verdict on a claim about times by its figure in a page, such as `12.16 times`; `None` for another claim or figure.
+pub(super) fn verdict(what: &str, figure: &str) -> Option<Verdict> {
+    let bound = BOUNDS.iter().find(|bound| bound.what == what)?;
+    if figure.starts_with(NO_MEASURE) {
+        return bound.is_of_average.then_some(Verdict::NotJudged);
+    }
+    figure.strip_suffix(" times")?.parse().ok().map(|figure| bound.verdict(figure))
 }
 
 /// Timed operations.
@@ -117,6 +136,22 @@ struct Line {
     seconds: f64,
     /// Seconds per frame on one thread, if measured.
     alone: Option<f64>,
+    /// The middle half of the times behind `seconds`, over their median.
+    spread: f64,
+}
+
+impl Line {
+    fn new(operation: Operation, times: &mut [Duration], alone: Option<&mut [Duration]>) -> Self {
+        let seconds = median(times);
+        // `median` has sorted them.
+        let quartile = |n: usize| times.get(times.len() * n / 4).map_or(f64::NAN, Duration::as_secs_f64);
+        Self { operation, seconds, alone: alone.map(median), spread: (quartile(3) - quartile(1)) / seconds }
+    }
+
+    /// How many times as fast a second core makes it.
+    fn gain(&self) -> Option<f64> {
+        Some(self.alone? / self.seconds)
+    }
 }
 
 /// All times of one run.
@@ -291,15 +326,11 @@ fn time_all(timed: &TimedInput, filter: Result<Filter>, stop: &AtomicBool) -> Re
     let mut lines: Vec<Line> = both
         .iter_mut()
         .zip(alone)
-        .map(|(both, alone)| Line {
-            operation: both.operation,
-            seconds: median(&mut both.times),
-            alone: Some(median(&mut alone.times)),
-        })
+        .map(|(both, alone)| Line::new(both.operation, &mut both.times, Some(&mut alone.times)))
         .collect();
     let range = filter_times.map_err(|error| error.to_string()).map(|(_, mut times)| {
-        lines.push(Line { operation: Operation::Minterpolate, seconds: median(&mut times), alone: None });
-        // `median` has sorted them.
+        lines.push(Line::new(Operation::Minterpolate, &mut times, None));
+        // They are sorted now.
         [times.first(), times.last()].map(|time| time.map_or(f64::NAN, Duration::as_secs_f64))
     });
     Ok((lines, range))
@@ -360,10 +391,24 @@ impl Speed {
         times_average(&self.lines, operation)
     }
 
+    /// Why ratios to the plain average decide nothing: the time on two threads, which they are to, is not the shorter of its two, or its times
+    /// differ.
+    fn doubt(&self) -> Option<String> {
+        let average = self.line(Operation::Average)?;
+        match average.gain() {
+            Some(gain) if gain <= 1.0 => Some(format!("it is {gain:.2} times as fast on {THREADS} threads as on one")),
+            _ if average.spread > MAX_SPREAD => {
+                Some(format!("the middle half of its times spans {:.0} % of their median", 100.0 * average.spread))
+            }
+            _ => None,
+        }
+    }
+
     /// Verdicts on the claims about times, as far as they were measured.
     pub(super) fn judge(&self) -> Vec<Claim> {
         let both = self.line(Operation::Flow).zip(self.line(Operation::Minterpolate));
-        let gain = |operation| self.line(operation).and_then(|line| Some(line.alone? / line.seconds));
+        let gain = |operation| self.line(operation).and_then(Line::gain);
+        let doubt = self.doubt();
         let figures = [
             self.times_average(Operation::Tiles(8)),
             self.times_average(Operation::Pixels),
@@ -372,11 +417,12 @@ impl Speed {
             gain(Operation::Flow),
         ];
         let claim = |(bound, figure): (&SpeedBound, Option<f64>)| {
-            figure.map(|figure| Claim {
-                what: bound.what.into(),
-                held: bound.holds(figure),
-                figures: format!("{figure:.2} times"),
-            })
+            let figure = figure?;
+            let (verdict, figures) = match &doubt {
+                Some(why) if bound.is_of_average => (Verdict::NotJudged, format!("{NO_MEASURE}{why}")),
+                _ => (bound.verdict(figure), format!("{figure:.2} times")),
+            };
+            Some(Claim { what: bound.what.into(), verdict, figures })
         };
         BOUNDS.iter().zip(figures).filter_map(claim).collect()
     }
@@ -390,9 +436,20 @@ impl Speed {
             FAMILY, SEED, self.machine
         );
         for line in &self.lines {
-            let gain = line.alone.map_or_else(|| "–".to_owned(), |alone| format!("{:.2}", alone / line.seconds));
+            let gain = line.gain().map_or_else(|| "–".to_owned(), |gain| format!("{gain:.2}"));
             let ratio = self.times_average(line.operation).unwrap_or(f64::NAN);
             _ = writeln!(out, "| {} | {:.2} | {ratio:.1} | {gain} |", line.operation.label(), line.seconds * 1e3);
+        }
+        if let Some(why) = self.doubt() {
+            _ = write!(out, "\n**The plain average is no measure in this run**: {why}. No claim is judged by it.");
+            if let Some(gain) = self.line(Operation::Average).and_then(Line::gain).filter(|gain| *gain <= 1.0) {
+                _ = write!(
+                    out,
+                    " To its time on one thread every ratio of this table is {:.1} times as large.",
+                    1.0 / gain
+                );
+            }
+            out.push('\n');
         }
         match &self.filter_times {
             Ok([least, greatest]) => {
@@ -441,7 +498,7 @@ mod tests {
 
     #[test]
     fn ratios_decide_and_not_times() {
-        let line = |operation, seconds, alone| Line { operation, seconds, alone };
+        let line = |operation, seconds, alone| Line { operation, seconds, alone, spread: 0.1 };
         let lines = vec![
             line(Operation::Average, 1.0, Some(1.5)),
             line(Operation::Tiles(8), 7.5, Some(14.0)),
@@ -456,14 +513,63 @@ mod tests {
             line.seconds /= 1000.0;
             line.alone = line.alone.map(|seconds| seconds / 1000.0);
         }
-        let held = |speed: &Speed| speed.judge().iter().map(|c| c.held).collect::<Vec<_>>();
+        let held = |speed: &Speed| speed.judge().iter().map(|c| c.verdict == Verdict::Held).collect::<Vec<_>>();
         assert_eq!(held(&slow), [true, false, true, true, false]);
         assert_eq!(held(&slow), held(&fast));
         assert!(slow.text().contains("| 7500.00 | 7.5 | 1.87 |"), "{}", slow.text());
         assert!(slow.text().contains("| snow-4 | 7.5 | – | – | – |"), "{}", slow.text());
-        // Claims without measurements are not judged.
+        // Claims without measurements are left out.
         fast.lines.truncate(2);
         assert_eq!(held(&fast), [true]);
+    }
+
+    #[test]
+    fn a_slow_average_decides_no_claim() {
+        let line = |operation, seconds, alone, spread| Line { operation, seconds, alone: Some(alone), spread };
+        let speed = |average: Line| Speed {
+            lines: vec![
+                average,
+                line(Operation::Tiles(8), 7.5, 14.0, 0.1),
+                line(Operation::Pixels, 11.0, 19.0, 0.1),
+                line(Operation::Flow, 40.0, 70.0, 0.1),
+            ],
+            filter_times: Err("none".into()),
+            other_scenes: Vec::new(),
+            machine: "a machine".into(),
+        };
+        let verdicts = |speed: &Speed| speed.judge().iter().map(|claim| claim.verdict).collect::<Vec<_>>();
+        let good = speed(line(Operation::Average, 1.0, 1.1, 0.25));
+        assert_eq!(verdicts(&good), [Verdict::Held; 4]);
+        assert!(!good.text().contains("no measure"), "{}", good.text());
+        // Neither ratios to a second core that slows the average, nor to times that differ; gains of ours stand.
+        for (average, why) in [
+            (line(Operation::Average, 1.0, 0.52, 0.1), "it is 0.52 times as fast on 2 threads as on one"),
+            (line(Operation::Average, 1.0, 1.0, 0.1), "it is 1.00 times as fast on 2 threads as on one"),
+            (line(Operation::Average, 1.0, 1.1, 0.36), "the middle half of its times spans 36 % of their median"),
+        ] {
+            let speed = speed(average);
+            assert_eq!(verdicts(&speed), [Verdict::NotJudged, Verdict::NotJudged, Verdict::Held, Verdict::Held]);
+            let claims = speed.judge();
+            assert_eq!(claims[0].figures, format!("{NO_MEASURE}{why}"));
+            for claim in &claims {
+                assert_eq!(verdict(&claim.what, &claim.figures), Some(claim.verdict), "{claim}");
+            }
+            assert_eq!(verdict(&claims[2].what, &claims[0].figures), None, "it is no ratio to the average");
+            assert!(
+                speed.text().contains(&format!("in this run**: {why}. No claim is judged by it.")),
+                "{}",
+                speed.text()
+            );
+        }
+        let slow = speed(line(Operation::Average, 1.0, 0.52, 0.1));
+        assert!(slow.text().contains("every ratio of this table is 1.9 times as large.\n"), "{}", slow.text());
+    }
+
+    #[test]
+    fn the_spread_is_that_of_the_middle_half() {
+        let mut times: Vec<Duration> = [9, 1, 10, 11, 90, 12, 8, 13].map(Duration::from_secs).into();
+        let line = Line::new(Operation::Average, &mut times, None);
+        assert_eq!((line.seconds, line.spread), (11.0, 4.0 / 11.0));
     }
 
     #[test]

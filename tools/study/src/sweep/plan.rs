@@ -278,6 +278,7 @@ pub(super) mod tests {
     use std::collections::BTreeSet;
 
     use cairn::ErrorKind;
+    use cairn::bundle::{OpenOptions, Precision};
 
     use super::super::point::LONGEST;
     use super::*;
@@ -304,6 +305,30 @@ pub(super) mod tests {
         let one = "out/snow-42/g384-refined-4-separate-latents-15-pictures-1-generated-60-paper-cpu";
         assert!(folders.contains(Path::new(one)), "{folders:?}");
         assert_eq!((settings.name(), settings.measure, settings.seconds), ("mine".into(), Measure::Ssim, "0.2".into()));
+    }
+
+    #[test]
+    fn the_examples_budgets_separate_its_points_on_the_embedded_world() {
+        let bundle = Bundle::embedded(&OpenOptions::default()).unwrap();
+        let page = include_str!("../../../../docs/sweep.md");
+        let (_, example) = page.split_once("```toml\n").unwrap();
+        let settings = Settings::parse(example.split_once("```").unwrap().0, Path::new("mine.toml")).unwrap();
+        let seconds = WorldTime::parse(&settings.seconds).unwrap();
+        // As `compare::budget` counts a rollout, without the few passes that the first latent is spared.
+        let gflop = |point: &Point| {
+            let work = bundle.cost(Precision::F32, point.point.global_window).unwrap();
+            let passes = point.point.schedule.table(&bundle.manifest().sampler).unwrap().passes() as u64 + 1;
+            let latents = point.point.counts(seconds).latents;
+            let decodes = latents + u64::from(bundle.geometry().autoencoder.temporal - 1);
+            let products = passes * latents * work.pass.multiply_adds + decodes * work.decode.multiply_adds;
+            2e-9 * (products + work.encode.multiply_adds) as f64 / seconds.seconds()
+        };
+        let costs: Vec<f64> = settings.points.iter().map(gflop).collect();
+        let affordable: Vec<usize> =
+            settings.budgets.iter().map(|budget| costs.iter().filter(|cost| *cost <= budget).count()).collect();
+        assert_eq!((costs.len(), &affordable[..]), (12, &[2, 7][..]), "{costs:?}");
+        let help = format!("budgets = {:?} ", settings.budgets.iter().map(|b| *b as u32).collect::<Vec<_>>());
+        assert!(include_str!("../cli/sweep.rs").contains(&help), "the program's help has others than {help}");
     }
 
     #[test]

@@ -186,7 +186,7 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
     files.add("world-quality-bad.png", encode_small_png(&bad)?);
     let mut files = files.write(&settings.common.out)?;
     if settings.common.publish {
-        files.extend(page::publish(&settings.command(), &text, &good, &bad)?);
+        files.extend(page::publish(&settings.command(), &text, [&good, &bad], bundle.digest())?);
     }
     Ok(Outcome { text, files })
 }

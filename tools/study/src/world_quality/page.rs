@@ -58,16 +58,16 @@ dB, LPIPS is that of AlexNet.
 ```text
 ";
 
-/// Writes the page and its pictures, which are compressed, into the repository's docs.
+/// Writes the page of the bundle with digest `world`, and its pictures, which are compressed, into the repository's docs.
 ///
 /// # Errors
 /// `Io`.
-pub(super) fn publish(command: &str, text: &str, good: &Picture, bad: &Picture) -> Result<Vec<PathBuf>> {
+pub(super) fn publish(command: &str, text: &str, [good, bad]: [&Picture; 2], world: &str) -> Result<Vec<PathBuf>> {
     let docs = docs();
     let tables = text.trim_end();
     let page = format!("{INTRODUCTION}{tables}\n```\n\nThis page was written by:\n\n```sh\n{command}\n```\n");
     write_all(vec![
-        (docs.join("world.md"), stamped(&page).into_bytes()),
+        (docs.join("world.md"), stamped(&page, Some(world)).into_bytes()),
         (docs.join("images/world-good.jpg"), encode_jpeg(good, JpegQuality::Repository)?),
         (docs.join("images/world-bad.jpg"), encode_jpeg(bad, JpegQuality::Repository)?),
     ])
