@@ -273,3 +273,15 @@ pub static ALL: &[CheckDefinition] = &[
     ),
     check("window", Group::Times, "From present to present in a window", 60, on_windows!(window::presents)),
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn checks_that_load_a_world_exist() {
+        for name in WITH_WORLDS {
+            assert!(ALL.iter().any(|check| check.name == name), "{name}");
+        }
+    }
+}
