@@ -13,7 +13,7 @@
  *     ...
  *     cairn_ld_unload(&cairn);
  *
- * cairn_ld_load resolves every function of cairn.h, so no pointer is null afterwards, except those of the experimental chapters if the
+ * cairn_ld_load resolves every function of cairn.h, so no pointer is null afterwards, except those of experimental functions if the
  * library is not of exactly the version of cairn.h. It fails, with a message, if the library cannot be loaded, has another binary
  * interface, is older than cairn.h or lacks a function; then nothing stays loaded.
  *

@@ -19,21 +19,45 @@ namespace Cairn
 #pragma warning disable 169, 649
     /// <summary>
     /// The C interface: constants, structs, callbacks and functions by their names in cairn.h, without \"cairn_\". The experimental
-    /// chapters' functions are left out: they may change within a version of the interface.
+    /// chapters are left out: they may change within a version of the interface.
     /// </summary>
     internal static unsafe class Native
     {
 ";
 
-const FUNCTIONS: &str = "
+const EXPERIMENTAL: &str = "
         /// <summary>Gives functions of a library by name, or throws.</summary>
         internal interface IResolver
         {
             T Resolve<T>(string name) where T : class;
         }
 
+        /// <summary>
+        /// The experimental functions of a loaded library. Each throws if the library is of another version, in which it may have other
+        /// parameters.
+        /// </summary>
+        internal abstract class ExperimentalFunctions
+        {
+            private readonly IResolver library;
+
+            protected ExperimentalFunctions(IResolver library)
+            {
+                this.library = library;
+            }
+
+";
+
+const FUNCTIONS: &str = "            private T Resolve<T>(string name) where T : class
+            {
+                if (library.Resolve<version_function>(\"cairn_version\")() == VERSION) return library.Resolve<T>(name);
+                string cause = $\"it is experimental, and the library is not of version {Library.Dotted(VERSION)}\";
+                const string Remedy = \"Use library and assembly of the same release\";
+                throw new CairnException(Result.Unsupported, $\"{name}: {cause}. {Remedy}\", name, \"\", cause, Remedy);
+            }
+        }
+
         /// <summary>Every function of a loaded library.</summary>
-        internal sealed class Functions
+        internal sealed class Functions : ExperimentalFunctions
         {
 ";
 
@@ -50,7 +74,7 @@ pub(crate) fn generate(declared: &Declarations) -> Result<String, String> {
             other => return Err(format!("{name} is {other:?}, for which C# has no words here")),
         }
     }
-    let functions: Vec<_> = declared.functions.iter().filter(|function| !function.experimental).collect();
+    let functions: Vec<_> = declared.functions.iter().filter(|function| !function.in_experimental_chapter).collect();
     let callbacks: Vec<_> = declared.typedefs.iter().filter(|line| line.contains("(*")).collect();
     let mentions = |name: &str| {
         let has_name = |text: &str| text.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|word| word == name);
@@ -76,13 +100,24 @@ pub(crate) fn generate(declared: &Declarations) -> Result<String, String> {
         let (answer, rest) = parts(&function.prototype, &function.name)?;
         delegate(&mut text, answer, &format!("{}_function", short(&function.name)), rest, declared)?;
     }
+    text.push_str(EXPERIMENTAL);
+    let (experimental, stable): (Vec<_>, Vec<_>) = functions.into_iter().partition(|function| function.experimental);
+    for function in &experimental {
+        let name = short(&function.name);
+        _ = write!(
+            text,
+            "            internal {name}_function {name}\n            {{\n                get {{ return Resolve<{name}_function>(\"{}\"); \
+             }}\n            }}\n\n",
+            function.name
+        );
+    }
     text.push_str(FUNCTIONS);
-    for function in &functions {
+    for function in &stable {
         let name = short(&function.name);
         _ = writeln!(text, "            internal readonly {name}_function {name};");
     }
-    text.push_str("\n            internal Functions(IResolver library)\n            {\n");
-    for function in &functions {
+    text.push_str("\n            internal Functions(IResolver library) : base(library)\n            {\n");
+    for function in &stable {
         let name = short(&function.name);
         _ = writeln!(text, "                {name} = library.Resolve<{name}_function>(\"{}\");", function.name);
     }
@@ -187,6 +222,9 @@ typedef struct cairn_b {
     const cairn_a *const *all;
     cairn_c told;
 } cairn_b;
+typedef struct cairn_guessed {
+    uint32_t struct_size;
+} cairn_guessed;
 typedef struct cairn_unused {
     uint32_t struct_size;
 } cairn_unused;
@@ -194,12 +232,14 @@ typedef uint32_t (*cairn_c)(const struct cairn_b *b, void *user);
 CAIRN_API uint32_t cairn_version(void);
 CAIRN_API cairn_result cairn_make(
     const cairn_b *b, float *values, size_t count, cairn_a **a);
+/** Experimental: this function may change without a new CAIRN_ABI_VERSION. */
+CAIRN_API cairn_result cairn_guess(cairn_guessed *x);
 /* ---- 2. Experimental: tries ---- */
 CAIRN_API cairn_result cairn_try(cairn_unused *x);
 ";
 
     #[test]
-    fn everything_but_experimental_items_is_translated() {
+    fn everything_but_experimental_chapters_is_translated() {
         let text = generate(&declarations::read(HEADER).unwrap()).unwrap();
         for line in [
             "internal const int OK = 0;",
@@ -214,11 +254,16 @@ CAIRN_API cairn_result cairn_try(cairn_unused *x);
             "internal delegate uint c(b* b, void* user);",
             "internal delegate uint version_function();",
             "internal delegate int make_function(b* b, float* values, UIntPtr count, IntPtr* a);",
+            "internal readonly make_function make;",
             "make = library.Resolve<make_function>(\"cairn_make\");",
+            "internal struct guessed\n",
+            "get { return Resolve<guess_function>(\"cairn_guess\"); }",
         ] {
             assert!(text.contains(line), "{line}\n{text}");
         }
         assert!(!text.contains("unused") && !text.contains("try"), "{text}");
+        assert!(!text.contains("internal readonly guess_function"), "{text}");
+        assert!(text.contains("() == VERSION) return library.Resolve<T>(name);"), "{text}");
     }
 
     #[test]

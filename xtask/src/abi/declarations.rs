@@ -6,11 +6,16 @@ pub(crate) struct Function {
     pub(crate) name: String,
     /// On one line, without `CAIRN_API` and semicolon.
     pub(crate) prototype: String,
-    /// Whether it is in an experimental chapter, which may still change.
+    /// Whether it may still change within a version of the interface.
     pub(crate) experimental: bool,
+    /// Whether all of its chapter is experimental.
+    pub(crate) in_experimental_chapter: bool,
     /// Without comment marks, one line to an entry.
     pub(crate) comment: Vec<String>,
 }
+
+/// What the comment of an experimental function says if its chapter is not experimental.
+const EXPERIMENTAL: &str = "Experimental: this function may change without a new CAIRN_ABI_VERSION.";
 
 /// A struct and its fields; an opaque struct has none.
 #[derive(Debug, PartialEq, Eq)]
@@ -37,10 +42,10 @@ pub(crate) fn read(header: &str) -> Result<Declarations, String> {
     let mut found = Declarations::default();
     let mut comment: Vec<String> = Vec::new();
     let mut lines = header.lines();
-    let mut experimental = false;
+    let mut in_experimental_chapter = false;
     while let Some(line) = lines.next() {
         if line.starts_with("/* ---- ") {
-            experimental = line.contains(". Experimental: ");
+            in_experimental_chapter = line.contains(". Experimental: ");
         } else if let Some(start) = line.strip_prefix("/**") {
             comment = vec![start.trim_end_matches("*/").trim().to_owned()];
             if !line.ends_with("*/") {
@@ -50,11 +55,14 @@ pub(crate) fn read(header: &str) -> Result<Declarations, String> {
         } else if let Some(start) = line.strip_prefix("CAIRN_API ") {
             let prototype = until(start, &mut lines, ';')?;
             let name = prototype.split('(').next().and_then(|head| head.rsplit([' ', '*']).next()).unwrap_or_default();
+            let comment = std::mem::take(&mut comment);
             found.functions.push(Function {
                 name: name.to_owned(),
-                comment: std::mem::take(&mut comment),
                 prototype: prototype.clone(),
-                experimental,
+                // The sentence may span lines.
+                experimental: in_experimental_chapter || comment.join(" ").contains(EXPERIMENTAL),
+                in_experimental_chapter,
+                comment,
             });
         } else if let Some(rest) = line.strip_prefix("#define CAIRN_") {
             // The include guard and the linkage macros are not constants of the interface.
@@ -177,6 +185,11 @@ typedef uint32_t (*cairn_c)(const cairn_b *b,
  */
 CAIRN_API cairn_result cairn_make(
     cairn_a **a, size_t b);
+/**
+ * Guesses. Experimental: this function may change without a new
+ * CAIRN_ABI_VERSION.
+ */
+CAIRN_API cairn_result cairn_guess(void);
 /* ---- 2. Experimental: tries ---- */
 CAIRN_API cairn_result cairn_try(void);
 ";
@@ -192,7 +205,10 @@ CAIRN_API cairn_result cairn_try(void);
         assert_eq!(found.typedefs, ["uint32_t (*cairn_c)(const cairn_b *b, void *user)"]);
         assert_eq!(found.functions[0].prototype, "cairn_result cairn_make(cairn_a **a, size_t b)");
         assert_eq!(found.functions[0].name, "cairn_make");
-        assert_eq!([found.functions[0].experimental, found.functions[1].experimental], [false, true]);
+        let experimental: Vec<_> =
+            found.functions.iter().map(|f| (f.name.as_str(), f.experimental, f.in_experimental_chapter)).collect();
+        let expected = [("cairn_make", false, false), ("cairn_guess", true, false), ("cairn_try", true, true)];
+        assert_eq!(experimental, expected);
         assert_eq!(missing_part(&found.functions[0], &found.constants, "0.1.0"), None);
     }
 

@@ -40,6 +40,7 @@ mod tests {
     #[test]
     fn the_lists_are_replaced_and_nothing_else() {
         let header = "CAIRN_API uint32_t cairn_a(void);\nCAIRN_API const char *cairn_b(\n    cairn_x *x, size_t y);\n\
+                      /** Experimental: this function may change without a new CAIRN_ABI_VERSION. */\nCAIRN_API uint32_t cairn_d(void);\n\
                       /* ---- 2. Experimental: more ---- */\nCAIRN_API uint32_t cairn_c(void);\n";
         let declared = declarations::read(header).unwrap();
         let old = "before\n#define CAIRN_LD_FUNCTIONS(X) \\\n    X(old)\n\nafter\n\n\
@@ -47,7 +48,7 @@ mod tests {
         let text = with_lists(old, &declared).unwrap();
         let list = "#define CAIRN_LD_FUNCTIONS(X) \\\n    X(uint32_t, cairn_a, (void)) \\\n    \
                     X(const char *, cairn_b, (cairn_x *x, size_t y))";
-        let more = "#define CAIRN_LD_EXPERIMENTAL(X) \\\n    X(uint32_t, cairn_c, (void))";
+        let more = "#define CAIRN_LD_EXPERIMENTAL(X) \\\n    X(uint32_t, cairn_d, (void)) \\\n    X(uint32_t, cairn_c, (void))";
         assert_eq!(text, format!("before\n{list}\n\nafter\n\n{more}\n\nend\n"));
         assert_eq!(with_lists(&text, &declared).unwrap(), text);
         assert!(with_lists("no list", &declared).is_err());
