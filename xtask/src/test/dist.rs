@@ -384,6 +384,17 @@ impl HostBuilds<'_> {
             );
         }
 
+        // CMake's own message would name a variable of the sample's file, not what to do.
+        let nothing = self.work.join("nothing");
+        fs::create_dir_all(&nothing).map_err(|e| format!("{}: {e}", nothing.display()))?;
+        let mut configure = Command::new(self.cmake);
+        configure.arg("-S").arg(root.join("samples/host-c")).arg("-B").arg(self.work.join("host-c-of-nothing"));
+        let refused = log.run(configure.arg(format!("-DCAIRN_ROOT={}", nothing.display())))?;
+        // It wraps its lines.
+        let message = refused.output.split_whitespace().collect::<Vec<_>>().join(" ");
+        let helps = !refused.success && message.contains("Set CAIRN_ROOT");
+        tally.test((!helps).then(|| "host-c without Cairn does not say what to do".to_owned()));
+
         self.write("found", "game.c", HOST)?;
         let list = self.write("found", "CMakeLists.txt", CMAKE_PROJECT)?;
         let build = self.work.join("found-build");
