@@ -196,6 +196,16 @@ mod tests {
     use crate::FrameRate;
     use cairn::Picture;
 
+    /// A manifest names the version that is compiled in.
+    #[test]
+    fn the_encoders_name_has_the_version_of_the_lock_file() {
+        let lock = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../Cargo.lock")).unwrap();
+        let mut lines = lock.lines().skip_while(|line| *line != "name = \"rav1e\"").skip(1);
+        let version = lines.next().and_then(|line| line.strip_prefix("version = \"")?.strip_suffix('"'));
+        assert_eq!(ENCODER.strip_prefix("rav1e "), version);
+        assert!(version.is_some());
+    }
+
     #[test]
     fn levels_follow_the_specification() {
         assert_eq!(level((1920, 1080), 30), 8);
@@ -250,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn a_size_no_video_can_have_is_refused_with_a_remedy() {
+    fn sizes_below_the_encoders_minimum_are_refused_with_a_remedy() {
         let error = Av1Encoder::new(&format(8, 8, 30), 1).err().unwrap();
         assert!(error.to_string().contains("16 x 16"), "{error}");
     }

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use cairn::{Error, ErrorKind, Result};
 
 /// An open file. Tests use an implementation that fails after a number of bytes.
-pub trait Store: Write + Seek + Send {
-    /// Cuts or extends the file to `len` bytes.
+pub trait OutputFile: Write + Seek + Send {
+    /// Truncates or extends the file to `len` bytes.
     ///
     /// # Errors
     /// An error of the operating system.
@@ -22,19 +22,19 @@ pub trait Store: Write + Seek + Send {
 }
 
 /// Creates files.
-pub trait Disk: Send + Sync {
+pub trait FileSystem: Send + Sync {
     /// Creates a new file, replacing one of that name.
     ///
     /// # Errors
     /// An error of the operating system.
-    fn create(&self, path: &Path) -> io::Result<Box<dyn Store>>;
+    fn create(&self, path: &Path) -> io::Result<Box<dyn OutputFile>>;
 }
 
 /// The operating system's file system.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct RealDisk;
 
-impl Store for fs::File {
+impl OutputFile for fs::File {
     fn set_len(&mut self, len: u64) -> io::Result<()> {
         fs::File::set_len(self, len)
     }
@@ -44,17 +44,17 @@ impl Store for fs::File {
     }
 }
 
-impl Disk for RealDisk {
-    fn create(&self, path: &Path) -> io::Result<Box<dyn Store>> {
+impl FileSystem for RealDisk {
+    fn create(&self, path: &Path) -> io::Result<Box<dyn OutputFile>> {
         Ok(Box::new(fs::File::create(path)?))
     }
 }
 
 /// A file that grows by complete units under a temporary name (`name.part`).
 ///
-/// A unit that could not be written completely is cut off, so that the file always ends with a complete one.
+/// A unit that could not be written completely is removed again, so that the file always ends with a complete one.
 pub struct GrowingFile {
-    store: Box<dyn Store>,
+    file: Box<dyn OutputFile>,
     part: PathBuf,
     path: PathBuf,
     end: u64,
@@ -65,12 +65,12 @@ impl GrowingFile {
     ///
     /// # Errors
     /// `Io` when it cannot be created.
-    pub fn create(disk: &dyn Disk, path: &Path) -> Result<Self> {
+    pub fn create(disk: &dyn FileSystem, path: &Path) -> Result<Self> {
         let mut name = path.file_name().unwrap_or_default().to_owned();
         name.push(".part");
         let part = path.with_file_name(name);
-        let store = disk.create(&part).map_err(|e| describe_io("cannot be made", path, &e))?;
-        Ok(Self { store, part, path: path.to_owned(), end: 0 })
+        let file = disk.create(&part).map_err(|e| describe_io("cannot be made", path, &e))?;
+        Ok(Self { file, part, path: path.to_owned(), end: 0 })
     }
 
     /// Bytes written so far.
@@ -88,15 +88,15 @@ impl GrowingFile {
     /// # Errors
     /// `Io` when it cannot be written; the file then ends where it ended before.
     pub fn append(&mut self, unit: &[u8]) -> Result<()> {
-        match self.store.write_all(unit) {
+        match self.file.write_all(unit) {
             Ok(()) => {
                 self.end += unit.len() as u64;
                 Ok(())
             }
             Err(cause) => {
-                // If this fails too, `close` cuts the file again.
-                let _ = self.store.set_len(self.end);
-                let _ = self.store.seek(SeekFrom::Start(self.end));
+                // If this fails too, `close` truncates the file again.
+                let _ = self.file.set_len(self.end);
+                let _ = self.file.seek(SeekFrom::Start(self.end));
                 Err(describe_io("cannot be written", &self.path, &cause))
             }
         }
@@ -109,22 +109,22 @@ impl GrowingFile {
     pub fn replace(&mut self, at: u64, bytes: &[u8]) -> Result<()> {
         debug_assert!(at + bytes.len() as u64 <= self.end);
         let written = self
-            .store
+            .file
             .seek(SeekFrom::Start(at))
-            .and_then(|_| self.store.write_all(bytes))
-            .and_then(|()| self.store.seek(SeekFrom::Start(self.end)));
+            .and_then(|_| self.file.write_all(bytes))
+            .and_then(|()| self.file.seek(SeekFrom::Start(self.end)));
         written.map(|_| ()).map_err(|e| describe_io("cannot be written", &self.path, &e))
     }
 
-    /// Cuts the file back to `end` bytes, an earlier [`end`](Self::end).
+    /// Truncates the file to `end` bytes, an earlier [`end`](Self::end).
     ///
     /// # Errors
     /// `Io` when the operating system refuses.
-    pub fn cut(&mut self, end: u64) -> Result<()> {
+    pub fn truncate(&mut self, end: u64) -> Result<()> {
         debug_assert!(end <= self.end);
         self.end = end;
-        let cut = self.store.set_len(end).and_then(|()| self.store.seek(SeekFrom::Start(end)));
-        cut.map(|_| ()).map_err(|e| describe_io("cannot be cut", &self.path, &e))
+        let truncated = self.file.set_len(end).and_then(|()| self.file.seek(SeekFrom::Start(end)));
+        truncated.map(|_| ()).map_err(|e| describe_io("cannot be truncated", &self.path, &e))
     }
 
     /// Closes the file and renames it to its final name.
@@ -133,18 +133,18 @@ impl GrowingFile {
     /// `Io` when the bytes do not reach the medium or the file cannot be renamed.
     pub fn close(mut self) -> Result<PathBuf> {
         let refused = |e: io::Error| describe_io("cannot be finished", &self.path, &e);
-        self.store.set_len(self.end).map_err(refused)?;
-        self.store.sync().map_err(refused)?;
-        let Self { store, part, path, .. } = self;
-        drop(store);
+        self.file.set_len(self.end).map_err(refused)?;
+        self.file.sync().map_err(refused)?;
+        let Self { file, part, path, .. } = self;
+        drop(file);
         fs::rename(&part, &path).map_err(|e| describe_io("cannot be given its name", &path, &e))?;
         Ok(path)
     }
 
     /// Removes the unfinished file.
     pub fn discard(self) {
-        let Self { store, part, .. } = self;
-        drop(store);
+        let Self { file, part, .. } = self;
+        drop(file);
         let _ = fs::remove_file(part);
     }
 }
@@ -153,13 +153,16 @@ impl GrowingFile {
 ///
 /// # Errors
 /// `Io`; an older file of that name is then untouched.
-pub fn write_whole(disk: &dyn Disk, path: &Path, bytes: &[u8]) -> Result<()> {
+pub fn write_whole(disk: &dyn FileSystem, path: &Path, bytes: &[u8]) -> Result<()> {
     let mut file = GrowingFile::create(disk, path)?;
     if let Err(error) = file.append(bytes) {
         file.discard();
         return Err(error);
     }
-    file.close().map(|_| ())
+    let part = file.part.clone();
+    file.close().map(|_| ()).inspect_err(|_| {
+        let _ = fs::remove_file(part);
+    })
 }
 
 /// An `Io` error about `path`, with a remedy.

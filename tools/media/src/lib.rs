@@ -18,7 +18,7 @@ mod y4m_reader;
 
 pub use av1::{ASSEMBLY, ENCODER};
 pub use colour::Yuv420;
-pub use disk::{Disk, GrowingFile, RealDisk, Store, describe_io, write_whole};
+pub use disk::{FileSystem, GrowingFile, OutputFile, RealDisk, describe_io, write_whole};
 pub use format::{FrameRate, VideoFormat};
 pub use from_yuv::{Chroma, FromYuv, Layout, Matrix};
 pub use mp4::Mp4Sink;

@@ -13,7 +13,7 @@ use super::av1::{Av1Encoder, Packet};
 use super::mp4_boxes::{Chunk, Sample, Track, fragment_header, ftyp, moov_for_chunks, moov_for_fragments};
 use super::mp4_boxes::{placeholder, wide_mdat};
 use super::recorder::{Frame, Sink, WrittenFile};
-use super::{Disk, GrowingFile, VideoFormat};
+use super::{FileSystem, GrowingFile, VideoFormat};
 
 /// Encodes and writes one MP4 file.
 pub struct Mp4Sink {
@@ -36,7 +36,7 @@ impl Mp4Sink {
     ///
     /// # Errors
     /// `InvalidArgument` for a size that AV1 cannot store, `Io` when the file cannot be made.
-    pub fn create(disk: &dyn Disk, path: &Path, format: &VideoFormat, threads: usize) -> Result<Self> {
+    pub fn create(disk: &dyn FileSystem, path: &Path, format: &VideoFormat, threads: usize) -> Result<Self> {
         let encoder = Av1Encoder::new(format, threads)?;
         let file = GrowingFile::create(disk, path)?;
         Ok(Self {
@@ -109,7 +109,7 @@ impl Mp4Sink {
         if indexed.is_err() {
             // Restores a valid fragmented file.
             self.file.replace(self.mdat_at, &placeholder()?)?;
-            self.file.cut(end)?;
+            self.file.truncate(end)?;
         }
         indexed
     }

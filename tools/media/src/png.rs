@@ -9,7 +9,7 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
 use super::recorder::{Frame, Sink, WrittenFile};
-use super::{Disk, write_whole};
+use super::{FileSystem, write_whole};
 
 /// How strongly a JPEG is compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,14 +32,14 @@ impl JpegQuality {
 
 /// Writes `000000.png`, `000001.png`, ... into a folder. Every file that exists is complete.
 pub struct PngSink {
-    disk: Arc<dyn Disk>,
+    disk: Arc<dyn FileSystem>,
     folder: PathBuf,
     written: Vec<WrittenFile>,
 }
 
 impl PngSink {
     /// Writes into `folder`, which must exist.
-    pub fn new(disk: Arc<dyn Disk>, folder: &Path) -> Self {
+    pub fn new(disk: Arc<dyn FileSystem>, folder: &Path) -> Self {
         Self { disk, folder: folder.to_owned(), written: Vec::new() }
     }
 }

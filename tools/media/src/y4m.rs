@@ -5,7 +5,7 @@ use std::path::Path;
 use cairn::{Error, Result};
 
 use super::recorder::{Frame, Sink, WrittenFile};
-use super::{Disk, GrowingFile, Matrix, VideoFormat, Yuv420};
+use super::{FileSystem, GrowingFile, Matrix, VideoFormat, Yuv420};
 
 /// Writes a Y4M file: 4:2:0, left-sited chroma, limited range, and the matrix that players assume for its size, as a Y4M file has no tag that
 /// they read.
@@ -21,7 +21,7 @@ impl Y4mSink {
     ///
     /// # Errors
     /// `Io` when the file cannot be made; `InvalidArgument` for an empty picture; `OutOfMemory`.
-    pub fn create(disk: &dyn Disk, path: &Path, format: &VideoFormat) -> Result<Self> {
+    pub fn create(disk: &dyn FileSystem, path: &Path, format: &VideoFormat) -> Result<Self> {
         let planes = Yuv420::with_matrix(format.size.0, format.size.1, Matrix::by_size(format.size))?;
         let mut file = GrowingFile::create(disk, path)?;
         let VideoFormat { size: (width, height), rate, pixel_aspect: (across, down), .. } = *format;

@@ -15,7 +15,7 @@ use cairn::{Error, ErrorKind, Result};
 
 use crate::generator::GeneratorChoice;
 use crate::progress::Progress;
-use media::{Disk, FrameRate, Recorder, VideoFormat, WrittenFile};
+use media::{FileSystem, FrameRate, Recorder, VideoFormat, WrittenFile};
 use pipeline::{Counts, Stages, Steps};
 use source::Input;
 use target::Target;
@@ -47,7 +47,7 @@ pub struct Interpolation<'a> {
     /// Whether an earlier output may be replaced.
     pub overwrite: bool,
     /// Where files are created.
-    pub disk: Arc<dyn Disk>,
+    pub disk: Arc<dyn FileSystem>,
     /// Set from any thread to stop after the current frame.
     pub stop: &'a AtomicBool,
     /// Receives the progress.

@@ -19,7 +19,7 @@ use crate::output::{Folder, LATENTS, MANIFEST, RAW, SHEET, VIDEO, sinks};
 use crate::progress::Progress;
 use crate::settings::{ParsedSettings, Settings};
 use crate::sheet::Sheet;
-use media::{Disk, FrameRate, Recorder, VideoFormat, encode_small_png, write_whole};
+use media::{FileSystem, FrameRate, Recorder, VideoFormat, encode_small_png, write_whole};
 use stream::{End, Makers, Stream};
 
 mod stream;
@@ -33,7 +33,7 @@ pub struct Job<'a> {
     /// Whether an earlier rollout in that folder may be replaced.
     pub overwrite: bool,
     /// Where files are created.
-    pub disk: Arc<dyn Disk>,
+    pub disk: Arc<dyn FileSystem>,
     /// Set from any thread to stop after the current frame.
     pub stop: &'a AtomicBool,
     /// Receives the progress.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use cairn::{Error, ErrorKind, Result};
 
-use media::{Disk, GrowingFile};
+use media::{FileSystem, GrowingFile};
 
 /// Size of the header, padded with spaces as the format allows.
 const HEADER: usize = 248;
@@ -19,7 +19,7 @@ pub(crate) struct LatentFile {
 
 impl LatentFile {
     /// Starts `path` for latents of `shape` `[C, h, w]`.
-    pub(crate) fn create(disk: &dyn Disk, path: &Path, shape: [u32; 3]) -> Result<Self> {
+    pub(crate) fn create(disk: &dyn FileSystem, path: &Path, shape: [u32; 3]) -> Result<Self> {
         let mut file = GrowingFile::create(disk, path)?;
         if let Err(error) = file.append(&header(0, shape)) {
             file.discard();

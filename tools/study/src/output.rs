@@ -9,7 +9,7 @@ use cairn::{Error, ErrorKind, Result};
 
 use crate::manifest::{Output, digest_file};
 use crate::settings::Formats;
-use media::{Disk, Mp4Sink, PngSink, Sink, VideoFormat, WrittenFile, Y4mSink, describe_io};
+use media::{FileSystem, Mp4Sink, PngSink, Sink, VideoFormat, WrittenFile, Y4mSink, describe_io};
 
 pub(crate) const MANIFEST: &str = "manifest.json";
 pub(crate) const SHEET: &str = "contact-sheet.png";
@@ -92,7 +92,7 @@ impl Folder {
 /// Sinks for the frames in `formats`: the MP4 and Y4M files with these `names`, and the folder of pictures. Encodes on `threads` threads, 0 for
 /// one per core.
 pub(crate) fn sinks(
-    disk: &Arc<dyn Disk>,
+    disk: &Arc<dyn FileSystem>,
     folder: &Folder,
     formats: Formats,
     [video, raw]: [&str; 2],

@@ -22,7 +22,7 @@ use crate::output::{Folder, MANIFEST, SHEET, sinks};
 use crate::progress::Progress;
 use crate::sets;
 use crate::settings::Formats;
-use media::{Disk, FrameRate, Mp4Sink, Recorder, RecorderReport, VideoFormat, encode_small_png, write_whole};
+use media::{FileSystem, FrameRate, Mp4Sink, Recorder, RecorderReport, VideoFormat, encode_small_png, write_whole};
 pub use scores::Summary;
 use stream::Stream;
 use walk::Walk;
@@ -224,7 +224,7 @@ pub struct Reconstruction<'a> {
     /// Whether an earlier one in that folder may be replaced.
     pub overwrite: bool,
     /// Where files are created.
-    pub disk: Arc<dyn Disk>,
+    pub disk: Arc<dyn FileSystem>,
     /// Set from any thread to stop after the current anchor.
     pub stop: &'a AtomicBool,
     /// Receives the progress.

@@ -10,7 +10,7 @@ use cairn::{ErrorKind, Picture};
 use common::clips::{load, picture, store, walk, y4m};
 use common::decoder::{decode, psnr as luma_psnr};
 use common::small_disk::SmallDisk;
-use media::{Disk, FrameRate, RealDisk, Store, Yuv420};
+use media::{FileSystem, FrameRate, OutputFile, RealDisk, Yuv420};
 use study::metrics::psnr;
 use study::{GeneratorChoice, Interpolation, Progress, Report, interpolate};
 
@@ -20,7 +20,7 @@ struct Request<'a> {
     multiplier: u32,
     rate: Option<u64>,
     overwrite: bool,
-    disk: Arc<dyn Disk>,
+    disk: Arc<dyn FileSystem>,
     stop: &'a AtomicBool,
 }
 
@@ -362,8 +362,8 @@ fn a_full_disk_leaves_what_can_be_played() {
 /// Asks to stop when a picture of a number is begun, as a person would at that moment.
 struct StopAt(&'static AtomicBool);
 
-impl Disk for StopAt {
-    fn create(&self, path: &Path) -> std::io::Result<Box<dyn Store>> {
+impl FileSystem for StopAt {
+    fn create(&self, path: &Path) -> std::io::Result<Box<dyn OutputFile>> {
         if path.ends_with("000005.png.part") {
             self.0.store(true, Ordering::SeqCst);
         }

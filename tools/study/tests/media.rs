@@ -9,7 +9,8 @@ use cairn::{ErrorKind, Picture};
 use common::decoder::{decode, psnr};
 use common::small_disk::SmallDisk;
 use media::{
-    Disk, FrameRate, Matrix, Mp4Sink, PngSink, RealDisk, Recorder, RecorderReport, Sink, VideoFormat, Y4mSink, Yuv420,
+    FileSystem, FrameRate, Matrix, Mp4Sink, PngSink, RealDisk, Recorder, RecorderReport, Sink, VideoFormat, Y4mSink,
+    Yuv420, write_whole,
 };
 
 const SIZE: (u32, u32) = (161, 91);
@@ -40,7 +41,7 @@ fn record(sinks: Vec<Box<dyn Sink>>, frames: u64) -> RecorderReport {
     recorder.finish().unwrap()
 }
 
-fn mp4(disk: &dyn Disk, path: &Path) -> Box<dyn Sink> {
+fn mp4(disk: &dyn FileSystem, path: &Path) -> Box<dyn Sink> {
     Box::new(Mp4Sink::create(disk, path, &format(), 2).unwrap())
 }
 
@@ -153,6 +154,25 @@ fn a_full_disk_leaves_whole_pictures_and_raw_frames() {
         assert!(path.extension().is_none_or(|e| e != "part"), "{path:?}");
     }
     assert_eq!(pictures, recorded.written.iter().filter(|w| w.kind == "png").count());
+}
+
+#[test]
+fn a_small_file_that_does_not_reach_the_medium_leaves_the_older_one_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("p.png");
+    let disk = SmallDisk::failing_once_at_sync();
+    write_whole(&RealDisk, &path, b"older").unwrap();
+    let error = write_whole(&disk, &path, b"newer").unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Io);
+    assert!(error.to_string().contains("Free some space"), "{error}");
+    let names = |folder: &Path| -> Vec<_> {
+        std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name()).collect()
+    };
+    assert_eq!(names(folder.path()), ["p.png"]);
+    assert_eq!(std::fs::read(&path).unwrap(), b"older");
+    write_whole(&disk, &path, b"newer").unwrap();
+    assert_eq!(names(folder.path()), ["p.png"]);
+    assert_eq!(std::fs::read(&path).unwrap(), b"newer");
 }
 
 #[test]

@@ -12,7 +12,7 @@ use cairn::{ErrorKind, Picture};
 use common::clips::load;
 use common::decoder::decode;
 use common::small_disk::SmallDisk;
-use media::{Disk, RealDisk, Store};
+use media::{FileSystem, OutputFile, RealDisk};
 use scenes::{Clip, ClipOptions, Family, Scene};
 use study::metrics::{psnr, ssim};
 use study::{
@@ -35,7 +35,7 @@ fn make(settings: &ReconstructSettings, out: &Path) -> ReconstructOutcome {
 }
 
 fn make_on(
-    disk: Arc<dyn Disk>,
+    disk: Arc<dyn FileSystem>,
     stop: &AtomicBool,
     settings: &ReconstructSettings,
     out: &Path,
@@ -186,8 +186,8 @@ fn a_replay_makes_the_same_files() {
 /// Raises a flag when a picture of a number is begun, as a person would at that moment.
 struct StopAt(&'static AtomicBool);
 
-impl Disk for StopAt {
-    fn create(&self, path: &Path) -> io::Result<Box<dyn Store>> {
+impl FileSystem for StopAt {
+    fn create(&self, path: &Path) -> io::Result<Box<dyn OutputFile>> {
         if path.ends_with("000004.png.part") {
             self.0.store(true, Ordering::SeqCst);
         }

@@ -12,7 +12,7 @@ use cairn::ErrorKind;
 use common::decoder::decode;
 use common::small_disk::SmallDisk;
 use common::worlds::{make, make_on, read_checked, short};
-use media::{Disk, RealDisk, Store};
+use media::{FileSystem, OutputFile, RealDisk};
 use study::{DeviceChoice, Difference, Formats, Manifest, Overrides, Progress, Replay, Settings, replay};
 
 fn replay_of(manifest: &Path, out: &Path, overrides: Overrides) -> cairn::Result<study::ReplayReport> {
@@ -179,8 +179,8 @@ struct StopAt<'a> {
     stop: &'a AtomicBool,
 }
 
-impl Disk for StopAt<'static> {
-    fn create(&self, path: &Path) -> io::Result<Box<dyn Store>> {
+impl FileSystem for StopAt<'static> {
+    fn create(&self, path: &Path) -> io::Result<Box<dyn OutputFile>> {
         if path.file_name().is_some_and(|name| name == self.name) {
             self.stop.store(true, Ordering::SeqCst);
         }

@@ -9,7 +9,7 @@ use cairn::{Error, ErrorKind, Result};
 
 use crate::manifest::absolute;
 use crate::output::remove_numbered;
-use media::{Disk, Mp4Sink, PngSink, Sink, VideoFormat, Y4mSink, describe_io};
+use media::{FileSystem, Mp4Sink, PngSink, Sink, VideoFormat, Y4mSink, describe_io};
 
 /// One file, or a folder.
 #[derive(Debug, PartialEq, Eq)]
@@ -84,7 +84,7 @@ impl Target {
     }
 
     /// Creates the output, replacing an earlier one.
-    pub(super) fn create(&self, disk: &Arc<dyn Disk>, format: &VideoFormat) -> Result<Box<dyn Sink>> {
+    pub(super) fn create(&self, disk: &Arc<dyn FileSystem>, format: &VideoFormat) -> Result<Box<dyn Sink>> {
         Ok(match self {
             Self::Mp4(path) => Box::new(Mp4Sink::create(disk.as_ref(), path, format, 0)?),
             Self::Y4m(path) => Box::new(Y4mSink::create(disk.as_ref(), path, format)?),

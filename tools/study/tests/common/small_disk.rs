@@ -1,34 +1,42 @@
-//! A disk that fills up after a number of bytes.
+//! A disk that fills up after a number of bytes, or that fails to flush a file.
 
 use std::fs::File;
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicI64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 
-use media::{Disk, Store};
+use media::{FileSystem, OutputFile};
 
 /// Real files that share `room` bytes. Cutting a file gives nothing back: the worst case.
 pub struct SmallDisk {
     room: Arc<AtomicI64>,
+    fails_sync: Arc<AtomicBool>,
 }
 
 impl SmallDisk {
     pub fn new(room: i64) -> Self {
-        Self { room: Arc::new(AtomicI64::new(room)) }
+        Self { room: Arc::new(AtomicI64::new(room)), fails_sync: Arc::default() }
+    }
+
+    /// With room for everything; the first flush to the medium fails.
+    pub fn failing_once_at_sync() -> Self {
+        Self { fails_sync: Arc::new(AtomicBool::new(true)), ..Self::new(i64::MAX) }
     }
 }
 
 struct SmallFile {
     file: File,
     room: Arc<AtomicI64>,
+    fails_sync: Arc<AtomicBool>,
     at: u64,
     len: u64,
 }
 
-impl Disk for SmallDisk {
-    fn create(&self, path: &Path) -> io::Result<Box<dyn Store>> {
-        Ok(Box::new(SmallFile { file: File::create(path)?, room: Arc::clone(&self.room), at: 0, len: 0 }))
+impl FileSystem for SmallDisk {
+    fn create(&self, path: &Path) -> io::Result<Box<dyn OutputFile>> {
+        let (room, fails_sync) = (Arc::clone(&self.room), Arc::clone(&self.fails_sync));
+        Ok(Box::new(SmallFile { file: File::create(path)?, room, fails_sync, at: 0, len: 0 }))
     }
 }
 
@@ -60,13 +68,13 @@ impl Seek for SmallFile {
     }
 }
 
-impl Store for SmallFile {
+impl OutputFile for SmallFile {
     fn set_len(&mut self, len: u64) -> io::Result<()> {
         self.len = len;
         self.file.set_len(len)
     }
 
     fn sync(&mut self) -> io::Result<()> {
-        Ok(())
+        if self.fails_sync.swap(false, Ordering::SeqCst) { Err(io::ErrorKind::StorageFull.into()) } else { Ok(()) }
     }
 }

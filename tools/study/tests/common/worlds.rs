@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use media::{Disk, RealDisk};
+use media::{FileSystem, RealDisk};
 use study::{Formats, Job, Manifest, Outcome, Progress, Settings, run_job};
 
 /// The random world `tiny`, an absolute path: in the folder that `CAIRN_TEST_BUNDLE` names, else the one `cargo xtask setup` keeps.
@@ -34,7 +34,12 @@ pub fn make(settings: &Settings, out: &Path) -> Outcome {
     make_on(Arc::new(RealDisk), &AtomicBool::new(false), settings, out).unwrap_or_else(|e| panic!("{e}"))
 }
 
-pub fn make_on(disk: Arc<dyn Disk>, stop: &AtomicBool, settings: &Settings, out: &Path) -> cairn::Result<Outcome> {
+pub fn make_on(
+    disk: Arc<dyn FileSystem>,
+    stop: &AtomicBool,
+    settings: &Settings,
+    out: &Path,
+) -> cairn::Result<Outcome> {
     run_job(&Job { settings, out, overwrite: false, disk, stop, progress: &Progress::quiet(), limit: None })
 }
 
