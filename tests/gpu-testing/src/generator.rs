@@ -29,7 +29,7 @@ fn check_report(gpu: &Gpu, generator: &ShaderGenerator, wanted: &GenerateReport,
 
 /// Frames of random cases, compared with the processor's.
 #[derive(Debug, Clone, Copy)]
-pub struct Compared {
+pub struct FrameComparison {
     /// Frames between two anchors.
     pub interpolated: Differences,
     /// Frames after the last anchor.
@@ -38,7 +38,7 @@ pub struct Compared {
     pub cuts: usize,
 }
 
-impl Compared {
+impl FrameComparison {
     /// Whether at most one pixel of 10,000 differs by more than a level of 255: a tenth of the documented tolerance, as only the device's division
     /// may differ.
     pub fn is_within_tolerance(&self) -> bool {
@@ -47,7 +47,7 @@ impl Compared {
 }
 
 /// Makes frames of the random cases of these seeds on the device and on the processor.
-pub fn compare<P: ComparablePixel>(gpu: &Gpu, cases: Range<u64>) -> Compared
+pub fn compare<P: ComparablePixel>(gpu: &Gpu, cases: Range<u64>) -> FrameComparison
 where
     CpuGenerator: FrameGenerator<P>,
 {
@@ -114,5 +114,5 @@ where
         );
         check_report(gpu, generator, &report, size, &format!("case {seed}, extrapolated"));
     }
-    Compared { interpolated, extrapolated, cuts }
+    FrameComparison { interpolated, extrapolated, cuts }
 }

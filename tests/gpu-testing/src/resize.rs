@@ -27,7 +27,7 @@ pub fn planes(buffer: &TestResource, size: (u32, u32), half: bool, picture: u32)
 
 /// Resized pictures, compared byte by byte with the processor's.
 #[derive(Debug, Clone, Copy)]
-pub struct Compared {
+pub struct ResizeComparison {
     /// Compared bytes.
     pub bytes: usize,
     /// Bytes that differ, each by one level of 255.
@@ -35,7 +35,7 @@ pub struct Compared {
 }
 
 /// Resizes decoded pictures in four formats, and checks that bytes differ from the processor's by a level at most, one in a thousand at most.
-pub fn compare(gpu: &Gpu) -> Compared {
+pub fn compare(gpu: &Gpu) -> ResizeComparison {
     let resize = Resize::new(gpu).expect("the shader");
     let mut frames = CommandRing::new(gpu, gpu.frames(), 2).expect("a ring");
     let rests = [
@@ -103,5 +103,5 @@ pub fn compare(gpu: &Gpu) -> Compared {
         }
     }
     assert!(off * 1000 <= bytes, "{off} of {bytes} bytes are not the processor's own");
-    Compared { bytes, unequal: off }
+    ResizeComparison { bytes, unequal: off }
 }

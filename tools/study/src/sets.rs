@@ -113,14 +113,14 @@ pub(crate) struct SealedSet {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Sets {
-    tuning: Seen,
-    development: Seen,
+    tuning: OpenSet,
+    development: OpenSet,
     sealed: Sealed,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Seen {
+struct OpenSet {
     seeds: Vec<Seeds>,
     clips: Vec<String>,
 }

@@ -82,7 +82,7 @@ pub(super) fn compare_frames(gpu: &Gpu, is_quick: bool) -> Checked {
         "Of {pixels} pixels in {} generated frames of random pictures {unequal} are not the processor's, {far} by more than a level of 255",
         2 * (bytes + halves)
     );
-    let found = Finding::judge(all.iter().all(generator::Compared::is_within_tolerance), sentence, DRIVER);
+    let found = Finding::judge(all.iter().all(generator::FrameComparison::is_within_tolerance), sentence, DRIVER);
     let found = found.figure("pixels that are not equal", 100.0 * unequal as f64 / pixels as f64, "%").figure(
         "pixels that differ by more than a level",
         100.0 * far as f64 / pixels as f64,

@@ -17,7 +17,7 @@ pub(crate) const MULTIPLIERS: [u32; 9] = [1, 2, 3, 4, 6, 8, 12, 16, 24];
 
 /// Frames between anchors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Between {
+pub(super) enum InBetweenMode {
     /// Generated from the two anchors.
     Generated,
     /// The pictures that the world's decoder made.
@@ -26,7 +26,7 @@ pub(super) enum Between {
     Nothing,
 }
 
-impl Between {
+impl InBetweenMode {
     pub(super) fn next(self) -> Self {
         match self {
             Self::Generated => Self::Decoded,
@@ -66,7 +66,7 @@ pub(super) struct GuidedAnchor {
 pub(super) struct Playback {
     presenter: Presenter,
     pub(super) pace: Pace,
-    pub(super) between: Between,
+    pub(super) between: InBetweenMode,
     pub(super) multiplier: u32,
     pictures: u32,
     previous: Option<GuidedAnchor>,
@@ -81,7 +81,7 @@ impl Playback {
     /// # Errors
     /// `InvalidArgument` for a multiplier that the presenter refuses.
     pub(super) fn new(latents_per_second: u32, pictures: u32, multiplier: u32) -> Result<Self> {
-        let (pace, between) = (Pace::new(latents_per_second), Between::Generated);
+        let (pace, between) = (Pace::new(latents_per_second), InBetweenMode::Generated);
         let presenter = presenter(between, multiplier, pictures, pace.interval())?;
         Ok(Self { presenter, pace, between, multiplier, pictures, previous: None, current: None, arrived: 0 })
     }
@@ -110,7 +110,7 @@ impl Playback {
     ///
     /// # Errors
     /// As [`push`](Self::push).
-    pub(super) fn set(&mut self, between: Between, multiplier: u32) -> Result<()> {
+    pub(super) fn set(&mut self, between: InBetweenMode, multiplier: u32) -> Result<()> {
         (self.between, self.multiplier) = (between, multiplier);
         self.rebuild()
     }
@@ -159,11 +159,11 @@ impl Playback {
     }
 }
 
-fn presenter(between: Between, multiplier: u32, pictures: u32, interval: u64) -> Result<Presenter> {
+fn presenter(between: InBetweenMode, multiplier: u32, pictures: u32, interval: u64) -> Result<Presenter> {
     let (multiplier, decoded) = match between {
-        Between::Generated => (multiplier, false),
-        Between::Decoded => (pictures, true),
-        Between::Nothing => (1, false),
+        InBetweenMode::Generated => (multiplier, false),
+        InBetweenMode::Decoded => (pictures, true),
+        InBetweenMode::Nothing => (1, false),
     };
     let options = PresenterOptions {
         interval: Some(Interval::of_ns(interval.clamp(1, MAX_INTERVAL_NS))?),
@@ -173,7 +173,8 @@ fn presenter(between: Between, multiplier: u32, pictures: u32, interval: u64) ->
         decoded,
         ..PresenterOptions::default()
     };
-    let generator = (between == Between::Generated).then(|| Box::new(CpuGenerator::new()) as Box<dyn FrameGenerator>);
+    let generator =
+        (between == InBetweenMode::Generated).then(|| Box::new(CpuGenerator::new()) as Box<dyn FrameGenerator>);
     Presenter::new(options, generator)
 }
 
@@ -225,11 +226,11 @@ mod tests {
         let mut playback = slow();
         let now = 9 * 400 * MS + 200 * MS;
         let before = playback.query(now).unwrap();
-        playback.set(Between::Generated, 24).unwrap();
+        playback.set(InBetweenMode::Generated, 24).unwrap();
         let after = playback.query(now).unwrap();
         assert_eq!((before.previous, after.previous), (8, 8));
         assert!((before.t - after.t).abs() <= 0.25, "{} then {}", before.t, after.t);
-        playback.set(Between::Nothing, 24).unwrap();
+        playback.set(InBetweenMode::Nothing, 24).unwrap();
         assert_eq!(playback.query(now).unwrap().source, FrameSource::Anchor);
     }
 

@@ -21,7 +21,7 @@ use super::PlayOptions;
 use super::controls::{Command, Meaning, meaning};
 use super::overlay::{FrameTimes, Help, Overlay};
 use super::pacing::describe;
-use super::playback::{Between, Playback, next_multiplier};
+use super::playback::{InBetweenMode, Playback, next_multiplier};
 use super::worker::{self, Message, Shared};
 use crate::picture::paste;
 
@@ -160,7 +160,7 @@ impl<'a> App<'a> {
         let point = &options.point;
         let mut playback = Playback::new(point.latents_per_second, point.pictures_per_latent, options.multiplier)?;
         if options.anchors {
-            playback.set(Between::Nothing, options.multiplier)?;
+            playback.set(InBetweenMode::Nothing, options.multiplier)?;
         }
         Ok(Self {
             options,
@@ -226,7 +226,7 @@ impl<'a> App<'a> {
             Command::Between => self.playback.set(self.playback.between.next(), self.playback.multiplier)?,
             Command::More | Command::Fewer => {
                 let multiplier = next_multiplier(self.playback.multiplier, command == Command::More);
-                self.playback.set(Between::Generated, multiplier)?;
+                self.playback.set(InBetweenMode::Generated, multiplier)?;
             }
             Command::View => {
                 self.view = match self.view {

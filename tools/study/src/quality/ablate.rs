@@ -129,7 +129,7 @@ struct Loss {
 }
 
 /// Everything that a frame is made from besides the anchors.
-struct Given<'a> {
+struct FrameInputs<'a> {
     guidance: &'a Guidance,
     before: Option<&'a Guidance>,
     overlay: Option<&'a [u8]>,
@@ -217,7 +217,7 @@ fn measure(
                 };
                 let Some(guidance) = current else { continue };
                 let overlay = overlay.as_deref().filter(|_| matches!(input, Input::Engine | Input::Truth));
-                let given = Given { guidance, before, overlay };
+                let given = FrameInputs { guidance, before, overlay };
                 let (made, _) = given.make(&mut generator, &anchors)?;
                 let score = truth.score(made.clone(), lpips)?;
                 for variant in &mut variants {
@@ -236,7 +236,7 @@ fn measure(
                         }
                         Some(extractor) => {
                             let (found, took) = extract(extractor, &anchors)?;
-                            let given = Given { guidance: &found, ..given };
+                            let given = FrameInputs { guidance: &found, ..given };
                             let (other, without) = given.make(&mut variant.generator, &anchors)?;
                             (other, (extraction + with) / (took + without))
                         }
@@ -262,7 +262,7 @@ fn extract(extractor: &mut picture_flow::Extractor, anchors: &[Picture; 2]) -> R
     Ok((found, start.elapsed().as_secs_f64()))
 }
 
-impl Given<'_> {
+impl FrameInputs<'_> {
     /// The frame in the middle, and the seconds that it takes.
     fn make(&self, generator: &mut CpuGenerator, anchors: &[Picture; 2]) -> Result<(Picture, f64)> {
         let mut pair = AnchorPair::new(&anchors[0], &anchors[1], self.guidance)?;

@@ -113,7 +113,7 @@ struct Floor {
 }
 
 /// One measured frame.
-struct Measured {
+struct ScoredFrame {
     frame: String,
     row: Input,
     score: Score,
@@ -187,7 +187,11 @@ impl FloorsOutcome {
 }
 
 /// The frames of the rows with floors, and the scores of all rows.
-fn measure(settings: &FloorSettings, progress: &Progress, stop: &AtomicBool) -> Result<(Vec<Measured>, Vec<Record>)> {
+fn measure(
+    settings: &FloorSettings,
+    progress: &Progress,
+    stop: &AtomicBool,
+) -> Result<(Vec<ScoredFrame>, Vec<Record>)> {
     let cache = provision::cache_dir().map_err(|e| not_provided(&e))?;
     let store = Store::new(cache.join("quality"), true);
     let lpips = open_lpips_of(crate::metrics::Net::Alex, settings.fetch, progress)?;
@@ -232,7 +236,7 @@ fn measure(settings: &FloorSettings, progress: &Progress, stop: &AtomicBool) -> 
             });
             if let Some(row) = LANDSCAPE_INPUTS.into_iter().find(|input| input.kind() == *kind) {
                 let frame = format!("{} {anchor} {phase}", clip.name());
-                frames.push(Measured { frame, row, score, truth: truth.clone(), made });
+                frames.push(ScoredFrame { frame, row, score, truth: truth.clone(), made });
             }
         }
         progress.frames(done as u64 + 1);
@@ -261,7 +265,7 @@ fn measure(settings: &FloorSettings, progress: &Progress, stop: &AtomicBool) -> 
             let made = made.ok_or_else(|| Error::new(ErrorKind::InvalidState, "a row made no picture"))?;
             let score = Score::new(&truth, &made, Some(lpips.distance_to(&features, &made)?))?;
             let frame = format!("{} {}", footage.name, footage.phase);
-            frames.push(Measured { frame, row: input, score, truth: truth.clone(), made });
+            frames.push(ScoredFrame { frame, row: input, score, truth: truth.clone(), made });
         }
         progress.frames((landscapes + done) as u64 + 1);
     }
@@ -269,7 +273,7 @@ fn measure(settings: &FloorSettings, progress: &Progress, stop: &AtomicBool) -> 
     Ok((frames, records))
 }
 
-impl Measured {
+impl ScoredFrame {
     fn file_name(&self) -> String {
         format!("{}-{}.png", self.frame.replace([' ', '/'], "-"), self.row.name())
     }
@@ -288,7 +292,7 @@ impl Measured {
 
 impl Floor {
     /// The floors for a frame that is made as it is now: its scores, worse by [`MARGINS`] and rounded to the worse side.
-    fn of(frame: &Measured) -> Result<Self> {
+    fn of(frame: &ScoredFrame) -> Result<Self> {
         let mut bounds = [0.0; 3];
         for (i, value) in measures(&frame.score).into_iter().enumerate() {
             let value = value.ok_or_else(|| Error::new(ErrorKind::InvalidState, "LPIPS was not measured"))?;
@@ -302,7 +306,7 @@ impl Floor {
         Ok(Self { frame: frame.frame.clone(), row: frame.row, bounds })
     }
 
-    fn is_of(&self, frame: &Measured) -> bool {
+    fn is_of(&self, frame: &ScoredFrame) -> bool {
         self.frame == frame.frame && self.row == frame.row
     }
 
@@ -366,9 +370,9 @@ fn parse(text: &str) -> std::result::Result<Vec<Floor>, String> {
 mod tests {
     use super::*;
 
-    fn frame(psnr: f64, ssim: f64, lpips: f64) -> Measured {
+    fn frame(psnr: f64, ssim: f64, lpips: f64) -> ScoredFrame {
         let picture = Picture::new(16, 16).unwrap();
-        Measured {
+        ScoredFrame {
             frame: "forest-4 41 1/4".into(),
             row: Input::Flow,
             score: Score { psnr, ssim, lpips: Some(lpips) },

@@ -12,6 +12,33 @@ const LONGEST: usize = 4096;
 /// paths that are longer than the file by a factor of [`LONGEST`].
 const LONGEST_NAME: usize = 1024;
 
+// Opcodes of Python's `pickle` module, by its names.
+const PROTO: u8 = 0x80;
+const STOP: u8 = b'.';
+const MARK: u8 = b'(';
+const NONE: u8 = b'N';
+const NEWTRUE: u8 = 0x88;
+const NEWFALSE: u8 = 0x89;
+const BININT: u8 = b'J';
+const BININT1: u8 = b'K';
+const BININT2: u8 = b'M';
+const BINUNICODE: u8 = b'X';
+const SHORT_BINBYTES: u8 = b'C';
+const BINBYTES: u8 = b'B';
+const GLOBAL: u8 = b'c';
+const EMPTY_DICT: u8 = b'}';
+const TUPLE: u8 = b't';
+const TUPLE1: u8 = 0x85;
+const TUPLE3: u8 = 0x87;
+const REDUCE: u8 = b'R';
+const BUILD: u8 = b'b';
+const SETITEM: u8 = b's';
+const SETITEMS: u8 = b'u';
+const BINPUT: u8 = b'q';
+const LONG_BINPUT: u8 = b'r';
+const BINGET: u8 = b'h';
+const LONG_BINGET: u8 = b'j';
+
 /// An array in the file: little-endian 32-bit floats, the last axis fastest.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Array<'a> {
@@ -25,7 +52,7 @@ pub(super) type Arrays<'a> = BTreeMap<String, Array<'a>>;
 
 /// The arrays of a pickle, or an error if it has anything else.
 pub(super) fn read(bytes: &[u8]) -> Result<Arrays<'_>, String> {
-    let mut machine = Machine { rest: bytes, stack: Vec::new(), memory: BTreeMap::new() };
+    let mut machine = Machine { rest: bytes, stack: Vec::new(), memo: BTreeMap::new() };
     for _ in 0..LONGEST {
         if let Some(found) = machine.step()? {
             let Value::Dictionary(found) = found else { return Err("it is no dictionary".into()) };
@@ -64,7 +91,7 @@ enum Name {
 struct Machine<'a> {
     rest: &'a [u8],
     stack: Vec<Value<'a>>,
-    memory: BTreeMap<u32, Value<'a>>,
+    memo: BTreeMap<u32, Value<'a>>,
 }
 
 impl<'a> Machine<'a> {
@@ -72,61 +99,61 @@ impl<'a> Machine<'a> {
     fn step(&mut self) -> Result<Option<Value<'a>>, String> {
         let code = self.take(1)?[0];
         let value = match code {
-            0x80 => match self.take(1)?[0] {
+            PROTO => match self.take(1)?[0] {
                 2 | 3 => return Ok(None),
                 other => return Err(format!("protocol {other} is none of 2 and 3")),
             },
-            b'.' => return self.pop().map(Some),
-            b'(' => Value::Mark,
-            b'N' => Value::None,
-            0x88 => Value::Bool(true),
-            0x89 => Value::Bool(false),
-            b'K' => Value::Int(self.take(1)?[0].into()),
-            b'M' => Value::Int(self.number::<2>()?),
-            b'J' => Value::Int(i64::from(self.number::<4>()? as u32 as i32)),
-            b'X' => {
+            STOP => return self.pop().map(Some),
+            MARK => Value::Mark,
+            NONE => Value::None,
+            NEWTRUE => Value::Bool(true),
+            NEWFALSE => Value::Bool(false),
+            BININT1 => Value::Int(self.take(1)?[0].into()),
+            BININT2 => Value::Int(self.number::<2>()?),
+            BININT => Value::Int(i64::from(self.number::<4>()? as u32 as i32)),
+            BINUNICODE => {
                 let length = self.number::<4>()?;
                 Value::Text(std::str::from_utf8(self.take(length)?).map_err(|_| "a text is not UTF-8")?)
             }
-            b'C' => {
+            SHORT_BINBYTES => {
                 let length = self.take(1)?[0];
                 Value::Bytes(self.take(length)?)
             }
-            b'B' => {
+            BINBYTES => {
                 let length = self.number::<4>()?;
                 Value::Bytes(self.take(length)?)
             }
-            b'c' => Value::Name(self.name()?),
-            b'}' => Value::Dictionary(Arrays::new()),
-            b't' => Value::Tuple(self.since_mark()?),
-            0x85..=0x87 => {
-                let count = usize::from(code - 0x84);
+            GLOBAL => Value::Name(self.name()?),
+            EMPTY_DICT => Value::Dictionary(Arrays::new()),
+            TUPLE => Value::Tuple(self.pop_mark()?),
+            TUPLE1..=TUPLE3 => {
+                let count = usize::from(code - TUPLE1 + 1);
                 let first = self.stack.len().checked_sub(count).ok_or("the stack is too short")?;
                 Value::Tuple(self.stack.split_off(first))
             }
-            b'R' => self.call()?,
-            b'b' => self.build()?,
-            b's' => {
+            REDUCE => self.call()?,
+            BUILD => self.build()?,
+            SETITEM => {
                 let (value, key) = (self.pop()?, self.pop()?);
                 return self.insert(vec![key, value]).map(|()| None);
             }
-            b'u' => {
-                let items = self.since_mark()?;
+            SETITEMS => {
+                let items = self.pop_mark()?;
                 return self.insert(items).map(|()| None);
             }
-            b'q' | b'r' => {
-                let key = if code == b'q' { self.take(1)?[0].into() } else { self.number::<4>()? as u32 };
+            BINPUT | LONG_BINPUT => {
+                let key = if code == BINPUT { self.take(1)?[0].into() } else { self.number::<4>()? as u32 };
                 // Only plain values are memoised: a shared dictionary or array would have two owners.
                 if let Some(plain @ (Value::Text(_) | Value::Bytes(_) | Value::Name(_) | Value::Type)) =
                     self.stack.last()
                 {
-                    self.memory.insert(key, plain.clone());
+                    self.memo.insert(key, plain.clone());
                 }
                 return Ok(None);
             }
-            b'h' | b'j' => {
-                let key = if code == b'h' { self.take(1)?[0].into() } else { self.number::<4>()? as u32 };
-                self.memory.get(&key).cloned().ok_or("it refers to something that is not kept")?
+            BINGET | LONG_BINGET => {
+                let key = if code == BINGET { self.take(1)?[0].into() } else { self.number::<4>()? as u32 };
+                self.memo.get(&key).cloned().ok_or("it refers to something that is not kept")?
             }
             other => return Err(format!("the instruction {other:#04x} is not allowed")),
         };
@@ -151,7 +178,7 @@ impl<'a> Machine<'a> {
     }
 
     /// Pops everything above the last mark, and the mark.
-    fn since_mark(&mut self) -> Result<Vec<Value<'a>>, String> {
+    fn pop_mark(&mut self) -> Result<Vec<Value<'a>>, String> {
         let mark = self.stack.iter().rposition(|value| matches!(value, Value::Mark)).ok_or("a mark is missing")?;
         let above = self.stack.split_off(mark + 1);
         self.stack.pop();
