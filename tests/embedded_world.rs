@@ -4,7 +4,7 @@
 use cairn::Picture;
 use cairn::bundle::{Bundle, OpenOptions};
 use cairn::world::{ControlInput, KeySet, Rollout, World, WorldOptions};
-use test_support::worlds::{device, point};
+use test_support::worlds::{desert_picture, device, point};
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/worlds/miniature.cairn");
 
@@ -19,14 +19,6 @@ fn the_embedded_world_equals_the_file_in_the_repository() {
     assert_eq!((manifest.picture.render, embedded.geometry().global.window), ([320, 180], 128));
 }
 
-/// The start of the path through the level of the desert, under the sky, as a binary PPM of 320 x 180 pixels.
-fn scene() -> Picture {
-    let file = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/samples/worlds/place.ppm")).expect("the picture");
-    let pixels = file.strip_prefix(b"P6\n320 180\n255\n").expect("a PPM of that size");
-    Picture::from_rgba(320, 180, pixels.chunks_exact(3).flat_map(|px| [px[0], px[1], px[2], 255]).collect())
-        .expect("a picture")
-}
-
 /// By how much blue exceeds red on average: positive for sky.
 fn sky(picture: &Picture) -> f64 {
     picture.pixels().iter().map(|px| f64::from(px[2]) - f64::from(px[0])).sum::<f64>() / picture.pixels().len() as f64
@@ -36,7 +28,7 @@ fn sky(picture: &Picture) -> f64 {
 fn the_scene_is_stable_and_follows_the_controls() {
     let bundle = Bundle::embedded(&OpenOptions::default()).expect("it is inside");
     let world = World::load(&device(), &bundle, WorldOptions::default()).expect("a world");
-    let seed = scene();
+    let seed = desert_picture();
     let look = |counts: f32| {
         let controls = ControlInput::new([0.0, counts], KeySet::default(), 0.0).expect("controls");
         let mut rollout = Rollout::new(&world, &point(&world), 1).expect("a rollout");

@@ -192,9 +192,7 @@ fn the_newest_version_gives_the_same_latent() {
     });
     let [expected, found] = latents.collect::<Vec<_>>().try_into().expect("two latents");
     assert!(!expected.is_empty() && expected.len() == found.len() && expected.iter().all(|v| v.is_finite()));
-    let square = |v: f32| f64::from(v) * f64::from(v);
-    let apart: f64 = found.iter().zip(&expected).map(|(a, b)| square(a - b)).sum();
-    let error = (apart / expected.iter().map(|v| square(*v)).sum::<f64>()).sqrt();
+    let error = worlds::relative_error(&found, &expected);
     println!("{newest} beside {oldest}: a relative error of {error:e}");
     assert!(error <= 1e-5, "{newest} beside {oldest}: a relative error of {error:e}");
 }

@@ -2,24 +2,15 @@
 
 use std::sync::Arc;
 
-use cairn::Picture;
 use cairn::bundle::{Bundle, Precision, Processor};
 use cairn::world::{OperatingPoint, Rollout, Schedule, World, WorldOptions};
-use test_support::worlds::{bundle, controls, device, ort, point, processor, relative_error};
+use test_support::worlds::{bundle, controls, desert_picture, device, ort, point, processor, relative_error};
 
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/worlds");
 /// Latents of the common past, after the seed.
 const PAST: u64 = 4;
 /// The widest interval of the stock schedule, as the only pass of a step.
 const WIDEST: f64 = 0.45;
-
-/// A place in the world, 320 x 180 pixels.
-fn place() -> Picture {
-    let file = std::fs::read(format!("{FOLDER}/place.ppm")).expect("the picture");
-    let pixels = file.strip_prefix(b"P6\n320 180\n255\n").expect("a PPM of that size");
-    Picture::from_rgba(320, 180, pixels.chunks_exact(3).flat_map(|px| [px[0], px[1], px[2], 255]).collect())
-        .expect("a picture")
-}
 
 fn load(bundle: &Arc<Bundle>) -> Arc<World> {
     let options = WorldOptions { precision: Some(Precision::F32), ..WorldOptions::default() };
@@ -28,7 +19,7 @@ fn load(bundle: &Arc<Bundle>) -> Arc<World> {
 
 fn seeded(world: &Arc<World>, point: &OperatingPoint) -> Rollout {
     let mut rollout = Rollout::new(world, point, 7).expect("a rollout");
-    rollout.append(&place()).expect("a seed");
+    rollout.append(&desert_picture()).expect("a seed");
     rollout
 }
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 use cairn::ErrorKind;
 use cairn::bundle::{Bundle, GraphKind, Precision, Processor, slice_transformer};
 use cairn::world::{Rollout, World, WorldOptions};
-use test_support::worlds::{bundle, controls, device, fingerprint, point, seeded};
+use test_support::worlds::{bundle, controls, device, fingerprint, point, relative_error, seeded};
 
 const EMBEDDED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/samples/worlds/miniature.cairn");
 
@@ -90,10 +90,8 @@ fn float16_latents_of_slices_are_near_those_of_the_whole() {
             rollout.latent().expect("a latent").to_vec()
         };
         let whole = latent(None);
-        let square = |v: f32| f64::from(v) * f64::from(v);
         for slices in [2, bundle.geometry().layers] {
-            let apart: f64 = latent(Some(slices)).iter().zip(&whole).map(|(a, b)| square(a - b)).sum();
-            let error = (apart / whole.iter().map(|v| square(*v)).sum::<f64>()).sqrt();
+            let error = relative_error(&latent(Some(slices)), &whole);
             println!("{name} in {slices} slices: {:.4} %", 100.0 * error);
             assert!(error < 0.01, "{name} in {slices} slices: a relative error of {error:e}");
         }

@@ -93,6 +93,14 @@ pub fn picture(width: u32, height: u32, kind: u32) -> Picture {
     picture
 }
 
+/// The first frame of a walk through the desert's level, under the sky, at 320 x 180 pixels: a seed for the embedded world.
+pub fn desert_picture() -> Picture {
+    let file = include_bytes!("../../../samples/worlds/place.ppm");
+    let pixels = file.strip_prefix(b"P6\n320 180\n255\n").expect("a PPM of that size");
+    Picture::from_rgba(320, 180, pixels.chunks_exact(3).flat_map(|px| [px[0], px[1], px[2], 255]).collect())
+        .expect("a picture")
+}
+
 /// Controls of step `i`, which differ from step to step.
 pub fn controls(i: u64) -> ControlInput {
     let mut keys = KeySet::NONE;
