@@ -50,7 +50,8 @@
  * newer structs works if it sets nothing that the library does not know. The library never writes past struct_size.
  *
  * Results. 0 is success, a positive number is not an error, a negative one is. In addition to the results named at a function, any
- * function may return CAIRN_ERROR_INTERNAL, and any that takes a handle CAIRN_ERROR_POISONED. A failed call has changed nothing,
+ * function may return CAIRN_ERROR_INTERNAL, any that takes a handle CAIRN_ERROR_POISONED, and any that may return CAIRN_ERROR_DEVICE
+ * also CAIRN_ERROR_DEVICE_REMOVED, once the graphics device is lost. A failed call has changed nothing,
  * and has written none of its results. All text is UTF-8.
  *
  * Memory. Unless a function says otherwise, the library reads or writes the caller's memory during the call only. It refuses null
@@ -833,9 +834,9 @@ CAIRN_API cairn_result cairn_world_destroy(cairn_world *world);
 #define CAIRN_FORMAT_RGBA8 0
 /** Four bytes to a pixel, blue first; otherwise the same. */
 #define CAIRN_FORMAT_BGRA8 1
-/** Four half floats to a pixel, red first, 0 to 1; for targets only. */
+/** Four half floats to a pixel, red first: sRGB or linear 0 to 1, scRGB 0 to white_nits / 80; for targets only. */
 #define CAIRN_FORMAT_RGBA16F 2
-/** Four bytes to a pixel: ten bits of red, the lowest, of green and of blue, two of alpha; for targets only. */
+/** Four bytes to a pixel: ten bits each of red (lowest), green and blue, two of alpha; for targets only. */
 #define CAIRN_FORMAT_RGB10A2 3
 
 /** A picture in the host's memory, which the library reads during the call only. */
@@ -1140,7 +1141,7 @@ CAIRN_API cairn_result cairn_rollout_append_pictures(
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: one call at a time; a concurrent one, and one while steps are queued, gets CAIRN_ERROR_BUSY.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_BUSY; CAIRN_ERROR_UNSUPPORTED if the
- * bundle's encoder does not take its state as an input; CAIRN_ERROR_DEVICE.
+ * bundle's encoder does not take its state as an input; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_rollout_keep_encoder_stream(cairn_rollout *rollout, uint32_t keep);
@@ -1166,7 +1167,7 @@ CAIRN_API cairn_result cairn_rollout_step(
  *
  * Ownership: nothing is handed over, on success or on failure.
  * Threads: one call at a time; a concurrent one, and one while steps are queued, gets CAIRN_ERROR_BUSY.
- * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_DEVICE.
+ * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_BUSY; CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_rollout_reset(cairn_rollout *rollout);
@@ -1581,7 +1582,11 @@ CAIRN_API cairn_result cairn_guidance_destroy(cairn_guidance *guidance);
 #define CAIRN_FRAME_GENERATED 3
 /** The frame is extrapolated from the last anchor, because the next one is late. */
 #define CAIRN_FRAME_EXTRAPOLATED 4
-/** The frame holds a picture, because nothing can be generated: between two anchors the nearer one, else the last. */
+
+/**
+ * The frame holds a picture, because nothing can be generated: between two anchors the nearer one, after an interval of extrapolation the
+ * last anchor extrapolated by that interval, else the last anchor.
+ */
 #define CAIRN_FRAME_HELD 5
 /** A flag of cairn_frame: the frame was not generated because of a cut. */
 #define CAIRN_FRAME_CUT 1
@@ -2641,7 +2646,7 @@ typedef struct cairn_swapchain_frame {
     ID3D12Resource *hudless;
     /**
      * Lens distortion: each pixel's position after the lens minus its position before, as a fraction of the picture, of the buffers' size. May
-     * be null, but not in a frame after one that had it. It is read within Present, as hudless is.
+     * be null. It is read within Present, as hudless is.
      */
     ID3D12Resource *distortion;
     /** State of depth. */
@@ -2731,7 +2736,7 @@ typedef struct cairn_swapchain_statistics {
     /** The part of them that may alias other memory. */
     uint64_t swapchain_aliasable_bytes;
     /**
-     * Provider that generates frames, such as "3.1.6 (analytic)"; empty after cairn_swapchain_fit has failed. UTF-8.
+     * Provider that generates frames, such as "3.1.6 (analytic)"; empty if cairn_swapchain_fit could not create one. UTF-8.
      */
     char generator[64];
     /** Provider of the swap chain, which presents frames. UTF-8. */
@@ -2785,8 +2790,9 @@ typedef struct cairn_swapchain cairn_swapchain;
  * *swapchain is not written.
  * Threads: any thread, at any time.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also where AMD's library would hang or crash: for a queue
- * that is not direct, and a swap chain that is full screen, has no size or has other references; CAIRN_ERROR_STRUCT_SIZE;
- * CAIRN_ERROR_UNSUPPORTED, also if no provider passes the self-test; CAIRN_ERROR_RUNTIME_MISSING if AMD's libraries are missing;
+ * that is not direct, and a swap chain that is full screen, has no size, has other references or has a number of buffers other than 2 to 16,
+ * with AMD's SDK 1.1 2 to 6; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_UNSUPPORTED, also if no provider passes the self-test, and for frames
+ * without user interface in a format of their own with AMD's SDK 1.1.2 and earlier; CAIRN_ERROR_RUNTIME_MISSING if AMD's libraries are missing;
  * CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
  * Since: 0.1.0
  */
@@ -2884,7 +2890,7 @@ CAIRN_API cairn_result cairn_swapchain_set_interface(
  * Ownership: pacing is read during the call; nothing is handed over, on success or on failure.
  * Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
- * CAIRN_ERROR_UNSUPPORTED with AMD's SDK 1.1.1 and earlier; CAIRN_ERROR_DEVICE.
+ * CAIRN_ERROR_UNSUPPORTED with AMD's SDK 1.1.2 and earlier; CAIRN_ERROR_DEVICE.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_swapchain_set_pacing(cairn_swapchain *swapchain, const cairn_swapchain_pacing *pacing);

@@ -64,8 +64,6 @@ extern "C" {
     X(cairn_result, cairn_set_threads, (const cairn_thread_options *options)) \
     X(cairn_result, cairn_set_scheduler, (const cairn_scheduler *scheduler)) \
     X(cairn_result, cairn_device_create_cpu, (const cairn_device_options *options, cairn_device **device)) \
-    X(cairn_result, cairn_device_create_gpu, (const char *adapter, const cairn_device_options *options, cairn_device **device)) \
-    X(cairn_result, cairn_device_create_auto, (const cairn_device_options *options, char *refusals, size_t capacity, size_t *length, cairn_device **device)) \
     X(cairn_result, cairn_device_get_info, (const cairn_device *device, cairn_device_info *info)) \
     X(cairn_result, cairn_device_destroy, (cairn_device *device)) \
     X(cairn_result, cairn_adapters, (cairn_adapter *adapters, size_t stride, uint32_t capacity, uint32_t *count)) \
@@ -137,6 +135,8 @@ extern "C" {
 
 /* The experimental ones, likewise. */
 #define CAIRN_LD_EXPERIMENTAL(X) \
+    X(cairn_result, cairn_device_create_gpu, (const char *adapter, const cairn_device_options *options, cairn_device **device)) \
+    X(cairn_result, cairn_device_create_auto, (const cairn_device_options *options, char *refusals, size_t capacity, size_t *length, cairn_device **device)) \
     X(cairn_result, cairn_device_create_d3d12, (struct ID3D12Device *d3d12, struct ID3D12CommandQueue *queue, struct ID3D12CommandQueue *anchors, const cairn_device_options *options, cairn_device **device)) \
     X(cairn_result, cairn_device_create_adapter, (uint64_t luid, const cairn_device_options *options, cairn_device **device)) \
     X(cairn_result, cairn_device_set_d3d12, (const cairn_device *device, const cairn_d3d12_options *options)) \

@@ -9,7 +9,7 @@ namespace Cairn
 #pragma warning disable 169, 649
     /// <summary>
     /// The C interface: constants, structs, callbacks and functions by their names in cairn.h, without "cairn_". The experimental
-    /// chapters' functions are left out: they may change within a version of the interface.
+    /// chapters are left out: they may change within a version of the interface.
     /// </summary>
     internal static unsafe class Native
     {
@@ -774,8 +774,40 @@ namespace Cairn
             T Resolve<T>(string name) where T : class;
         }
 
+        /// <summary>
+        /// The experimental functions of a loaded library. Each throws if the library is of another version, in which it may have other
+        /// parameters.
+        /// </summary>
+        internal abstract class ExperimentalFunctions
+        {
+            private readonly IResolver library;
+
+            protected ExperimentalFunctions(IResolver library)
+            {
+                this.library = library;
+            }
+
+            internal device_create_gpu_function device_create_gpu
+            {
+                get { return Resolve<device_create_gpu_function>("cairn_device_create_gpu"); }
+            }
+
+            internal device_create_auto_function device_create_auto
+            {
+                get { return Resolve<device_create_auto_function>("cairn_device_create_auto"); }
+            }
+
+            private T Resolve<T>(string name) where T : class
+            {
+                if (library.Resolve<version_function>("cairn_version")() == VERSION) return library.Resolve<T>(name);
+                string cause = $"it is experimental, and the library is not of version {Library.Dotted(VERSION)}";
+                const string Remedy = "Use library and assembly of the same release";
+                throw new CairnException(Result.Unsupported, $"{name}: {cause}. {Remedy}", name, "", cause, Remedy);
+            }
+        }
+
         /// <summary>Every function of a loaded library.</summary>
-        internal sealed class Functions
+        internal sealed class Functions : ExperimentalFunctions
         {
             internal readonly abi_version_function abi_version;
             internal readonly version_function version;
@@ -786,8 +818,6 @@ namespace Cairn
             internal readonly set_threads_function set_threads;
             internal readonly set_scheduler_function set_scheduler;
             internal readonly device_create_cpu_function device_create_cpu;
-            internal readonly device_create_gpu_function device_create_gpu;
-            internal readonly device_create_auto_function device_create_auto;
             internal readonly device_get_info_function device_get_info;
             internal readonly device_destroy_function device_destroy;
             internal readonly adapters_function adapters;
@@ -857,7 +887,7 @@ namespace Cairn
             internal readonly rollout_get_statistics_function rollout_get_statistics;
             internal readonly presenter_get_statistics_function presenter_get_statistics;
 
-            internal Functions(IResolver library)
+            internal Functions(IResolver library) : base(library)
             {
                 abi_version = library.Resolve<abi_version_function>("cairn_abi_version");
                 version = library.Resolve<version_function>("cairn_version");
@@ -868,8 +898,6 @@ namespace Cairn
                 set_threads = library.Resolve<set_threads_function>("cairn_set_threads");
                 set_scheduler = library.Resolve<set_scheduler_function>("cairn_set_scheduler");
                 device_create_cpu = library.Resolve<device_create_cpu_function>("cairn_device_create_cpu");
-                device_create_gpu = library.Resolve<device_create_gpu_function>("cairn_device_create_gpu");
-                device_create_auto = library.Resolve<device_create_auto_function>("cairn_device_create_auto");
                 device_get_info = library.Resolve<device_get_info_function>("cairn_device_get_info");
                 device_destroy = library.Resolve<device_destroy_function>("cairn_device_destroy");
                 adapters = library.Resolve<adapters_function>("cairn_adapters");

@@ -50,8 +50,9 @@ pub use lpips::{FILES as LPIPS_FILES, PACKAGE as LPIPS_PACKAGE, lpips_weights};
 pub use mdbook::mdbook;
 pub use mono::{Mono, mono};
 pub use onnxruntime::{
-    DIRECTML_VERSION, NEWEST_VERSION as NEWEST_ONNXRUNTIME_VERSION, VERSION as ONNXRUNTIME_VERSION, newest_onnxruntime, onnxruntime,
-    onnxruntime_for_windows, onnxruntime_with_terms, onnxruntime_with_webgpu, onnxruntime_with_webgpu_for_windows,
+    DIRECTML_VERSION, NEWEST_VERSION as NEWEST_ONNXRUNTIME_VERSION, VERSION as ONNXRUNTIME_VERSION, newest_onnxruntime,
+    onnxruntime, onnxruntime_for_windows, onnxruntime_with_terms, onnxruntime_with_webgpu,
+    onnxruntime_with_webgpu_for_windows,
 };
 pub use progress::{Console, Progress, Silent};
 pub use python::{build_package, cluster_env, install_package, python_env, python_path, training_env};
