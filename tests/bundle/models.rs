@@ -416,6 +416,23 @@ fn shapes_must_be_consistent() {
     ]);
 }
 
+/// 12 times the float32 nearest to 5/12 is less than 5, and rounds to 5 in float32.
+fn resize_in_float32(m: &mut Model, size: i64) {
+    m.nodes.push(node("Concat", &["rgb"; 3], &["twelve"], vec![int("axis", 0)]));
+    m.tensors.push(inside_floats("five.twelfths", &[4], &[5.0 / 12.0, 1.0, 1.0, 1.0]));
+    m.nodes.push(node("Resize", &["twelve", "", "five.twelfths"], &["five"], vec![]));
+    let [height, width] = [32; 2];
+    m.value_info.push(value("five", m.inputs[0].data_type, &[size, 3, height, width]));
+}
+
+#[test]
+fn sizes_are_scaled_in_float32_as_the_runtime_does() {
+    let mut toy = ToyBundle::new();
+    resize_in_float32(toy.model(ENCODER), 5);
+    Bundle::from_memory(toy.files()).expect("the runtime's size");
+    check(&[("the size by a wider type", ENCODER, |m| resize_in_float32(m, 4), "states")]);
+}
+
 #[test]
 fn size_bombs_are_refused() {
     check(&[
@@ -431,6 +448,16 @@ fn size_bombs_are_refused() {
                 }
             },
             "passes 256 MiB",
+        ),
+        // ONNX Runtime drops the axis for every number but 1, so that later sums are larger than a kept axis would make them.
+        (
+            "an axis that is kept by the number 2",
+            ENCODER,
+            |m| {
+                m.tensors.push(inside_ints("axes", &[1]));
+                m.nodes.push(node("ReduceMean", &["rgb", "axes"], &["mean"], vec![int("keepdims", 2)]));
+            },
+            "keepdims 2",
         ),
         (
             "joined with itself until it bursts",
