@@ -44,7 +44,7 @@ impl ModelContext<'_> {
     }
 
     /// The error for the model, of a fault.
-    pub(super) fn to_error(&self, fault: Fault) -> crate::Error {
+    pub(super) fn to_error(self, fault: Fault) -> crate::Error {
         if fault.is_out_of_memory {
             return Error::new(ErrorKind::OutOfMemory, fault.cause).field(self.path());
         }
