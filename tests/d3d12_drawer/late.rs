@@ -142,4 +142,5 @@ fn an_unfinished_anchor_is_late_and_no_queue_waits_for_it() {
     // SAFETY: a live queue and fence.
     unsafe { engine.direct.Wait(&gate.0, 1) }.expect("it takes a wait");
     assert_eq!(waits::counted(), 1);
+    textures::wait(&engine.device, &engine.direct);
 }
