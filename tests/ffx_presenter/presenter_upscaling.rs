@@ -74,6 +74,20 @@ fn anchors_are_upscaled_before_frames_are_generated() {
     assert_eq!(double.violations(), [""; 0]);
 }
 
+/// AMD's upscaler 4.0.2 requires colour, depth, motion and an exposure, whatever it was created for.
+#[test]
+fn an_upscaler_that_requires_an_exposure_gets_one() {
+    let double = with_upscaler(&["requires 0xf"]);
+    let mut stream = Stream::of_size(2, Some(LARGE));
+    stream.use_upscaler(&double, true);
+    (0..2).for_each(|_| stream.push([1, 1]));
+    let error = stream.error(0.5, true).1;
+    assert!(error <= 8, "{error} off");
+    assert_eq!((stream.scaled_by().as_str(), upscaled_anchors(&double)), ("4.0.3", 2));
+    drop(stream);
+    assert_eq!(double.violations(), [""; 0]);
+}
+
 #[test]
 fn upscaled_anchors_use_the_history_of_earlier_ones() {
     let double = with_upscaler(&[]);

@@ -1,7 +1,10 @@
 //! Upscales anchors to the size of frames with AMD's upscaler, before frames are generated between them.
 
-use windows::Win32::Graphics::Direct3D12::{D3D12_RESOURCE_STATE_COMMON, ID3D12Resource};
-use windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R8G8B8A8_UNORM;
+use windows::Win32::Graphics::Direct3D12::{
+    D3D12_PLACED_SUBRESOURCE_FOOTPRINT, D3D12_RESOURCE_STATE_COMMON, D3D12_RESOURCE_STATE_GENERIC_READ,
+    D3D12_SUBRESOURCE_FOOTPRINT, D3D12_TEXTURE_DATA_PITCH_ALIGNMENT, ID3D12Resource,
+};
+use windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT, DXGI_FORMAT_R8G8B8A8_UNORM, DXGI_FORMAT_R32_FLOAT};
 
 use super::inputs::{OwnedGuidance, in_common_state};
 use crate::Result;
@@ -10,8 +13,8 @@ use crate::ffx::{Api, Choice, TextureUpscaler, UpscaleParams, UpscaleTextures, V
 use crate::framegen::AnchorId;
 use crate::framegen::densify::{DEPTH, Densifier, MOTION};
 use crate::framegen::fsr::{camera, dimensions};
-use crate::gpu::compute::{CommandRing, Kernel, Shape, View};
-use crate::gpu::{Gpu, writable_texture};
+use crate::gpu::compute::{CommandRing, Kernel, ResourceWithState, Shape, View};
+use crate::gpu::{Gpu, Heap, MappedBuffer, writable_texture};
 use crate::guidance::{Projection, paper};
 
 /// Cached upscaled anchors: those of a pair, and of the anchors before and after it.
@@ -35,6 +38,8 @@ pub(super) struct Upsampler {
     densifier: Densifier,
     /// Guidance for an anchor without any: no motion.
     no_motion: OwnedGuidance,
+    /// 1: anchors are display-referred. Some providers require an exposure, whatever the flags, such as AMD's 4.0.2.
+    exposure: ID3D12Resource,
     upsample_guidance: Kernel,
     ring: CommandRing,
     /// Upscaled anchors.
@@ -76,6 +81,7 @@ impl Upsampler {
         let state = D3D12_RESOURCE_STATE_COMMON;
         let anchor = || Ok((None, writable_texture(gpu, to, DXGI_FORMAT_R8G8B8A8_UNORM, state)?));
         let pair = || Ok((None, OwnedGuidance::new(gpu, to, [1, 1])?));
+        let mut ring = CommandRing::new(gpu, gpu.frames(), DESCRIPTORS)?;
         Ok(Self {
             upscaler,
             gpu: gpu.clone(),
@@ -84,12 +90,13 @@ impl Upsampler {
             densifier: Densifier::new(gpu, from)?,
             // New device memory is zero.
             no_motion: OwnedGuidance::new(gpu, from, [1, 1])?,
+            exposure: exposure_of_one(gpu, &mut ring)?,
             upsample_guidance: Kernel::new(
                 gpu,
                 include_bytes!("../../gpu/shaders/compiled/fsr_upsample.dxbc"),
                 Shape { constants: 6, inputs: 2, outputs: 2 },
             )?,
-            ring: CommandRing::new(gpu, gpu.frames(), DESCRIPTORS)?,
+            ring,
             anchors: (0..CACHED_ANCHORS).map(|_| anchor()).collect::<Result<_>>()?,
             pairs: (0..CACHED_PAIRS).map(|_| pair()).collect::<Result<_>>()?,
             next_anchor: 0,
@@ -140,7 +147,7 @@ impl Upsampler {
             color: in_common_state(source.picture),
             depth: depth.as_ref(),
             motion: motion.as_ref(),
-            exposure: None,
+            exposure: Some(in_common_state(&self.exposure)),
             reactive: None,
             transparency: None,
             output: in_common_state(&to),
@@ -186,4 +193,21 @@ impl Upsampler {
         let cached = self.pairs.iter().find(|(key, _)| *key == Some(id));
         cached.map(|(_, guidance)| (guidance.depth.clone(), guidance.depth_tile))
     }
+}
+
+/// A 1x1 texture with the value 1, in the state COMMON between lists. It is filled on the queue for frames, before all work submitted later.
+fn exposure_of_one(gpu: &Gpu, ring: &mut CommandRing) -> Result<ID3D12Resource> {
+    const FORMAT: DXGI_FORMAT = DXGI_FORMAT_R32_FLOAT;
+    const PITCH: u32 = D3D12_TEXTURE_DATA_PITCH_ALIGNMENT;
+    let mut upload = MappedBuffer::new(gpu, Heap::Upload, PITCH as usize)?;
+    upload.write(0, &1.0_f32.to_le_bytes());
+    let texture = writable_texture(gpu, (1, 1), FORMAT, D3D12_RESOURCE_STATE_COMMON)?;
+    let from = ResourceWithState { resource: upload.resource(), state: D3D12_RESOURCE_STATE_GENERIC_READ };
+    let rows = D3D12_SUBRESOURCE_FOOTPRINT { Format: FORMAT, Width: 1, Height: 1, Depth: 1, RowPitch: PITCH };
+    let rows = D3D12_PLACED_SUBRESOURCE_FOOTPRINT { Offset: 0, Footprint: rows };
+    let mut frame = ring.begin()?;
+    // The ring holds the buffer until the list has run.
+    frame.copy_rows(&from, rows, &in_common_state(&texture))?;
+    frame.submit(gpu.frames())?;
+    Ok(texture)
 }
