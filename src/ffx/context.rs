@@ -63,7 +63,7 @@ impl<Head: Creates> Context<Head> {
         }
         // SAFETY: the caller's promise about the device.
         let offered = unsafe { versions_of(api, Head::ID, device) }?;
-        let wanted = choose(&offered, choice)?;
+        let wanted = choose(&offered, choice, effect)?;
         if let (Choice::Prefer(family), None) = (choice, wanted) {
             let what = effect_name(Head::ID);
             log::warn!(target: "cairn::ffx", "no provider of {what} is {family:?}; there is {}", names_of(&offered));
@@ -99,7 +99,7 @@ impl<Head: Creates> Context<Head> {
         if let Choice::Require(family) = choice
             && context.provider.version.family() != Some(family)
         {
-            return Err(unavailable(family, &format!("{} in its place", context.provider.version)));
+            return Err(unavailable(family, effect, &format!("{} in its place", context.provider.version)));
         }
         context.provider.offered = offered;
         log::info!(target: "cairn::ffx", "{}: {}", effect_name(Head::ID), context.provider.version);
@@ -228,7 +228,7 @@ impl<Head: Creates> std::fmt::Debug for Context<Head> {
     }
 }
 
-/// Registers the message callback, with the struct of SDK 2.1 or else the earlier one. A library that accepts neither sends no
+/// Registers the message callback, with the struct of SDK 2.3 or else the earlier one. A library that accepts neither sends no
 /// messages, which is not an error: that of SDK 2.0 accepts none before there is a context.
 fn register_message_callback(api: &Api, context: RawContext, effect: Effect) {
     /// Errors and warnings.

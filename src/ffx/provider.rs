@@ -190,26 +190,32 @@ pub(super) fn effect_name(create: StructId) -> String {
     }
 }
 
-/// Selects from `offered` (newest first) the provider to request by its id; None to leave the choice to the library.
+/// Selects from `offered`, the providers of `effect` (newest first), the provider to request by its id; None to leave the choice to the
+/// library.
 ///
 /// # Errors
 /// `Unsupported` when a required family is missing.
-pub fn choose(offered: &[Version], choice: Choice) -> Result<Option<&Version>> {
+pub fn choose(offered: &[Version], choice: Choice, effect: Effect) -> Result<Option<&Version>> {
     let newest = |family| offered.iter().find(|version| version.family() == Some(family));
     match choice {
         Choice::Any => Ok(None),
         Choice::Prefer(family) => Ok(newest(family)),
-        Choice::Require(family) => newest(family).map(Some).ok_or_else(|| unavailable(family, &names_of(offered))),
+        Choice::Require(family) => {
+            newest(family).map(Some).ok_or_else(|| unavailable(family, effect, &names_of(offered)))
+        }
     }
 }
 
 /// The error for a required family that is not available.
-pub(super) fn unavailable(family: Family, instead: &str) -> Error {
-    let (what, needs) = match family {
-        Family::Ml => {
+pub(super) fn unavailable(family: Family, effect: Effect, instead: &str) -> Error {
+    let (what, needs) = match (family, effect) {
+        (Family::Ml, Effect::FrameGeneration) => {
             ("ml (4.0 and 4.1)", "Use an RDNA 4 adapter on Windows 11 with SDK 2.1 or later, or choose analytic")
         }
-        Family::Analytic => ("analytic (3.1)", "Use AMD's libraries of SDK 1.1 to 2.4 that hold it, or choose ml"),
+        (Family::Ml, Effect::Upscaling) => {
+            ("ml (4.0 and 4.1)", "Use an adapter that FSR 4 supports, with SDK 2.0 or later, or choose analytic")
+        }
+        (Family::Analytic, _) => ("analytic (3.1)", "Use AMD's libraries of SDK 1.1 to 2.4 that hold it, or choose ml"),
     };
     let cause = format!("a provider of the family {what} is required, and there is {instead}");
     Error::new(ErrorKind::Unsupported, cause).field("provider").remedy(needs)
@@ -263,7 +269,8 @@ mod tests {
         let both = [version("4.0.1"), version("3.1.6")];
         let analytic = [version("3.1.6"), version("3.1.5")];
         let name = |offered, choice: &str| {
-            choose(offered, choice.parse().expect("a choice")).map(|found| found.map(|v| v.name.clone()))
+            choose(offered, choice.parse().expect("a choice"), Effect::FrameGeneration)
+                .map(|found| found.map(|v| v.name.clone()))
         };
         assert_eq!(name(&both, "any").expect("any"), None);
         assert_eq!(name(&both, "ml").expect("ml").as_deref(), Some("4.0.1"));
@@ -274,6 +281,12 @@ mod tests {
         let refused = name(&analytic, "require-ml").expect_err("required");
         assert_eq!(refused.kind(), ErrorKind::Unsupported);
         assert!(refused.cause().contains("3.1.6 (analytic), 3.1.5 (analytic)"), "{refused}");
+        let remedy = |effect| {
+            let refused = choose(&analytic, Choice::Require(Family::Ml), effect).expect_err("required");
+            refused.remedy_text().unwrap_or_default().to_owned()
+        };
+        assert!(remedy(Effect::FrameGeneration).contains("SDK 2.1"), "{}", remedy(Effect::FrameGeneration));
+        assert!(remedy(Effect::Upscaling).contains("SDK 2.0"), "{}", remedy(Effect::Upscaling));
         let refused = "best".parse::<Choice>().expect_err("no choice");
         assert_eq!(refused.kind(), ErrorKind::InvalidArgument);
     }

@@ -215,7 +215,7 @@ ffx_struct! {
 }
 
 ffx_struct! {
-    /// Sets the message callback of one effect. SDK 2.1 and later.
+    /// Sets the message callback of one effect. SDK 2.3 and later.
     ConfigureGlobalDebug = GLOBAL_DEBUG, 40: {
         /// The effect, of [`EffectId`](super::EffectId).
         16 8 effect: super::EffectId,
