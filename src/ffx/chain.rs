@@ -70,6 +70,13 @@ struct Link {
     pointer: NonNull<dyn fmt::Debug>,
 }
 
+impl Link {
+    fn free(self) {
+        // SAFETY: `Chain::push` leaked this box, and nothing but this frees it; it takes the link.
+        drop(unsafe { Box::from_raw(self.pointer.as_ptr()) });
+    }
+}
+
 impl<Head: FfxStruct> Chain<Head> {
     /// A chain of `head` alone.
     pub fn new(head: Head) -> Self {
@@ -96,6 +103,14 @@ impl<Head: FfxStruct> Chain<Head> {
             None => self.push(link),
         }
         self.write_headers();
+    }
+
+    /// Removes the link of type `T`, if there is one.
+    pub fn remove<T: Extends<Head>>(&mut self) {
+        if let Some(index) = self.links.iter().skip(1).position(|link| link.id == T::ID) {
+            self.links.remove(index + 1).free();
+            self.write_headers();
+        }
     }
 
     /// The first struct.
@@ -155,10 +170,7 @@ impl<Head: FfxStruct> Chain<Head> {
 
 impl<Head: FfxStruct> Drop for Chain<Head> {
     fn drop(&mut self) {
-        for link in &self.links {
-            // SAFETY: `push` leaked this box, and nothing but this frees it.
-            drop(unsafe { Box::from_raw(link.pointer.as_ptr()) });
-        }
+        self.links.drain(..).for_each(Link::free);
     }
 }
 
@@ -210,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn links_can_be_changed_and_a_chain_has_one_link_of_a_type() {
+    fn links_can_be_changed_and_removed_and_a_chain_has_one_link_of_a_type() {
         let mut chain = chain().with(OverrideVersion { version_id: 8, ..Default::default() });
         assert_eq!(walk(chain.as_ptr()), [0x2_0001, 5, 2]);
         assert_eq!(chain.link_mut::<OverrideVersion>().expect("it is there").version_id, 8);
@@ -218,6 +230,11 @@ mod tests {
         chain.head_mut().display_size = Dimensions { width: 640, height: 360 };
         assert_eq!(chain.head().display_size.width, 640);
         assert_eq!(chain.head().flags, CreateFlags::DEPTH_INFINITE);
+        chain.remove::<CreateFrameGenerationHudless>();
+        chain.remove::<OverrideVersion>();
+        assert_eq!(walk(chain.as_ptr()), [0x2_0001, 2]);
+        chain.set(OverrideVersion { version_id: 9, ..Default::default() });
+        assert_eq!(walk(chain.as_ptr()), [0x2_0001, 2, 5]);
     }
 
     #[test]

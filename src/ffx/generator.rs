@@ -144,11 +144,14 @@ pub struct Frame {
     /// of their own.
     pub hudless: Resource,
     /// Lens distortion field at display size: distorted minus undistorted position of each pixel, as a fraction of the picture; a
-    /// null resource for none. Once one was given, every later frame needs one: a provider keeps using the last.
+    /// null resource for none.
     pub distortion: Resource,
     /// The other parameters.
     pub params: FrameParams,
 }
+
+/// The first provider that reads [`CreateFrameGenerationHudless`]: the frame interpolation 1.1.2 of SDK 1.1.3.
+const HUDLESS_FORMAT_SINCE: [u32; 3] = [1, 1, 2];
 
 /// The structs that carry motion and depth, by SDK release.
 enum Prepare {
@@ -182,7 +185,7 @@ impl Generator {
     /// from that of frames.
     ///
     /// # Errors
-    /// As of [`Context::create`].
+    /// As of [`Context::create`]; `Unsupported` with the field `hudless` for a format of its own and a provider of SDK 1.1.2 or earlier.
     ///
     /// # Safety
     /// `device` is a live `ID3D12Device` and outlives the generator.
@@ -199,6 +202,15 @@ impl Generator {
         };
         // SAFETY: the caller's promise; the chain holds no pointer.
         let context = unsafe { Context::create(api, device, choice, head, extend) }?;
+        let version = &context.provider().version;
+        // Earlier providers would copy between textures of two formats.
+        let ignores_format = version.number().is_some_and(|number| number < HUDLESS_FORMAT_SINCE);
+        if ignores_format && hudless.is_some_and(|format| format != head.back_buffer_format) {
+            let why = format!("{version} takes HUD-less frames only in the format of frames");
+            return Err(Error::new(ErrorKind::Unsupported, why)
+                .field("hudless")
+                .remedy("Use that format, or AMD's libraries of SDK 1.1.3 or later"));
+        }
         let prepare = match context.provider().dialect {
             Dialect::Sdk11 => Prepare::Separate(Chain::new(DispatchPrepare::default()).with(DispatchCamera::default())),
             Dialect::Sdk21 => Prepare::Combined(Chain::new(DispatchPrepareV2::default())),
@@ -297,10 +309,9 @@ impl Generator {
 
     /// Makes the configure call, with the swap chain, callback and flags of `settings`, and then the prepare call.
     unsafe fn begin(&mut self, frame: &Frame, settings: ConfigureFrameGeneration) -> Result<(u64, bool)> {
-        let had_distortion = self.settings.link::<ConfigureDistortion>().is_some();
         let is_presented = !settings.flags.contains(FrameFlags::NO_SWAPCHAIN);
         let (made, hudless) = (self.context.creation(), self.hudless_format());
-        if let Some((field, why)) = fault(frame, made, hudless, had_distortion, is_presented) {
+        if let Some((field, why)) = fault(frame, made, hudless, is_presented) {
             return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
         }
         let reset = frame.params.reset || !self.has_history;
@@ -314,7 +325,10 @@ impl Generator {
             frame_id: id,
             ..settings
         };
-        if !frame.distortion.resource.is_null() {
+        // A provider forgets the field at each configure call.
+        if frame.distortion.resource.is_null() {
+            self.settings.remove::<ConfigureDistortion>();
+        } else {
             self.settings.set(ConfigureDistortion { field: frame.distortion, ..Default::default() });
         }
         let far = frame.params.camera.far_plane(made.flags.contains(CreateFlags::DEPTH_INFINITE));
@@ -437,7 +451,6 @@ fn fault(
     frame: &Frame,
     made: &CreateFrameGeneration,
     hudless: SurfaceFormat,
-    had_distortion: bool,
     is_presented: bool,
 ) -> Option<(&'static str, &'static str)> {
     if frame.command_list.is_null() {
@@ -455,9 +468,6 @@ fn fault(
         if let Some(why) = resource.fault(size) {
             return Some((field, why));
         }
-    }
-    if frame.distortion.resource.is_null() && had_distortion {
-        return Some(("distortion", "frames before had one, and a provider goes on with the last"));
     }
     for (field, resource) in [("hudless", &frame.hudless), ("distortion", &frame.distortion)] {
         if !resource.resource.is_null()

@@ -60,7 +60,6 @@ pub struct GenerationTextures<'a> {
     /// The HUD-less frame at display size.
     pub hudless: Option<ResourceWithState<'a>>,
     /// Lens distortion field at display size: distorted minus undistorted position of each pixel, as a fraction of the picture.
-    /// Once one was given, every later frame needs one.
     pub distortion: Option<ResourceWithState<'a>>,
 }
 

@@ -82,7 +82,7 @@ pub struct cairn_swapchain_frame {
     /// is read within Present and must not be drawn to until Present returns, with CAIRN_SWAPCHAIN_ASYNC until the next Present returns.
     pub hudless: *mut ID3D12Resource,
     /// Lens distortion: each pixel's position after the lens minus its position before, as a fraction of the picture, of the buffers' size. May
-    /// be null, but not in a frame after one that had it. It is read within Present, as hudless is.
+    /// be null. It is read within Present, as hudless is.
     pub distortion: *mut ID3D12Resource,
     /// State of depth.
     pub depth_state: u32,
@@ -176,7 +176,7 @@ pub struct cairn_swapchain_statistics {
     pub swapchain_bytes: u64,
     /// The part of them that may alias other memory.
     pub swapchain_aliasable_bytes: u64,
-    /// Provider that generates frames, such as "3.1.6 (analytic)"; empty after cairn_swapchain_fit has failed. UTF-8.
+    /// Provider that generates frames, such as "3.1.6 (analytic)"; empty if cairn_swapchain_fit could not create one. UTF-8.
     pub generator: [std::ffi::c_char; 64],
     /// Provider of the swap chain, which presents frames. UTF-8.
     pub pacer: [std::ffi::c_char; 64],

@@ -1,7 +1,7 @@
 //! Frame generation with a fake library: which inputs are rejected, and what each call receives.
 
 use super::super::bindings::*;
-use super::super::fake_library::{ANALYTIC_20, FAKE, FakeLibrary, ML, api, head};
+use super::super::fake_library::{ANALYTIC_20, FAKE, FakeLibrary, ML, api, count, head};
 use super::*;
 
 const SIZE: Dimensions = Dimensions { width: 640, height: 360 };
@@ -83,6 +83,40 @@ fn each_release_gets_its_structs_in_its_order() {
         let settings = generator.settings.head();
         assert!(settings.enabled && settings.swapchain.is_null() && settings.generate.is_none());
         assert_eq!(settings.flags, FrameFlags::NO_SWAPCHAIN);
+    }
+}
+
+#[test]
+fn lens_distortion_can_be_turned_off() {
+    let mut generator = generator(ML);
+    let with = Frame { distortion: picture(0x600, SurfaceFormat::R16G16_FLOAT), ..frame() };
+    for frame in [frame(), with, with, frame(), with] {
+        record(&mut generator, &frame).expect("recorded");
+    }
+    let calls = FAKE.with_borrow(|fake| fake.calls.clone());
+    let has_field = calls.iter().filter(|(call, ..)| *call == "configure").map(|(_, ids, _)| ids.contains(&0x2_0008));
+    assert_eq!(has_field.collect::<Vec<_>>(), [false, true, true, false, true]);
+}
+
+#[test]
+fn providers_that_ignore_the_format_of_hud_less_frames_are_refused_with_another() {
+    let (same, other) = (head().back_buffer_format, SurfaceFormat::B8G8R8A8_UNORM);
+    for (name, hudless, is_refused) in [
+        (c"1.1.0", Some(other), true),
+        (c"1.1.1", Some(other), true),
+        (c"1.1.1", Some(same), false),
+        (c"1.1.1", None, false),
+        (c"1.1.2", Some(other), false),
+        (c"3.1.5", Some(other), false),
+    ] {
+        // These releases do not report a context's provider.
+        FAKE.set(FakeLibrary { providers: vec![(7, name)], ..FakeLibrary::default() });
+        // SAFETY: the fake library uses no device.
+        let made = unsafe { Generator::create(&api(), 0x1000 as *mut c_void, Choice::Any, head(), hudless) };
+        let refused = made.err().map(|refused| (refused.kind(), refused.offending_field().map(str::to_owned)));
+        let wanted = is_refused.then(|| (ErrorKind::Unsupported, Some("hudless".to_owned())));
+        assert_eq!(refused, wanted, "{name:?}, {hudless:?}");
+        assert_eq!(count("destroy"), 1, "its context is not kept");
     }
 }
 
@@ -308,7 +342,7 @@ fn planes_are_such_that_amd_s_providers_can_compute_distances() {
 #[test]
 fn frames_of_another_format_than_the_hud_less_ones_need_one() {
     let other = SurfaceFormat::R10G10B10A2_UNORM;
-    let wrong = |frame: &Frame| fault(frame, &head(), other, false, false).map(|(field, _)| field);
+    let wrong = |frame: &Frame| fault(frame, &head(), other, false).map(|(field, _)| field);
     let without = Frame { hudless: Resource::default(), ..frame() };
     assert_eq!(wrong(&without), Some("hudless"));
     let mut with = frame();
@@ -321,7 +355,7 @@ fn frames_of_another_format_than_the_hud_less_ones_need_one() {
 fn creation_flags_decide_which_inputs_are_valid() {
     let format = head().back_buffer_format;
     let wrong = |frame: &Frame, flags| {
-        fault(frame, &CreateFrameGeneration { flags, ..head() }, format, false, false).map(|(field, _)| field)
+        fault(frame, &CreateFrameGeneration { flags, ..head() }, format, false).map(|(field, _)| field)
     };
     let endless = frame_with(|params| params.camera.far = f32::INFINITY);
     assert_eq!(wrong(&endless, CreateFlags::empty()), Some("camera.far"));
@@ -338,9 +372,7 @@ fn creation_flags_decide_which_inputs_are_valid() {
     for luminance in [[400.0, 400.0], [-1.0, 400.0]] {
         assert_eq!(wrong(&bright(luminance), CreateFlags::HIGH_DYNAMIC_RANGE), Some("luminance"));
     }
-    // Once a distortion field was given, every later frame needs one.
-    assert_eq!(fault(&frame(), &head(), format, true, false).map(|(field, _)| field), Some("distortion"));
     // For a presented frame, the swap chain knows the transfer function.
-    let presented = fault(&bright([400.0, 0.0]), &head(), format, false, true);
+    let presented = fault(&bright([400.0, 0.0]), &head(), format, true);
     assert_eq!(presented, None);
 }

@@ -247,7 +247,8 @@ impl GeneratorState {
             // SAFETY: as above.
             unsafe { check_resource(head, 64, self.made.shown, Some(self.made.hudless), false, &mut fault) };
         }
-        // As in AMD's libraries, a distortion field stays set.
+        // AMD's libraries forget the distortion field at each configure call.
+        self.distortion = None;
         if let Some(link) = distortion {
             let mut fault = |why| fault(format!("distortion: {why}"));
             // SAFETY: the struct has a resource there.
@@ -255,8 +256,6 @@ impl GeneratorState {
                 check_resource(link, 16, self.made.shown, None, false, &mut fault);
                 self.distortion = texture_arg(link, 16);
             }
-        } else if self.distortion.is_some() {
-            fault("the distortion of a frame before is still there".to_owned());
         }
         (self.settings, self.prepared) = (Some(id), None);
     }
