@@ -73,8 +73,9 @@ impl Object for Mutex<SwapchainObject> {
 /// *swapchain is not written.
 /// Threads: any thread, at any time.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also where AMD's library would hang or crash: for a queue
-/// that is not direct, and a swap chain that is full screen, has no size or has other references; CAIRN_ERROR_STRUCT_SIZE;
-/// CAIRN_ERROR_UNSUPPORTED, also if no provider passes the self-test; CAIRN_ERROR_RUNTIME_MISSING if AMD's libraries are missing;
+/// that is not direct, and a swap chain that is full screen, has no size, has other references or has a number of buffers other than 2 to 16,
+/// with AMD's SDK 1.1 2 to 6; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_UNSUPPORTED, also if no provider passes the self-test, and for frames
+/// without user interface in a format of their own with AMD's SDK 1.1.2 and earlier; CAIRN_ERROR_RUNTIME_MISSING if AMD's libraries are missing;
 /// CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_DEVICE; CAIRN_ERROR_DEVICE_REMOVED.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
@@ -255,7 +256,7 @@ pub unsafe extern "C" fn cairn_swapchain_set_interface(
 /// Ownership: pacing is read during the call; nothing is handed over, on success or on failure.
 /// Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
-/// CAIRN_ERROR_UNSUPPORTED with AMD's SDK 1.1.1 and earlier; CAIRN_ERROR_DEVICE.
+/// CAIRN_ERROR_UNSUPPORTED with AMD's SDK 1.1.2 and earlier; CAIRN_ERROR_DEVICE.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_swapchain_set_pacing(

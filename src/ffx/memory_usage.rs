@@ -67,7 +67,8 @@ impl ReportsMemory for CreateUpscale {
     }
 }
 
-/// Device memory that a context created with `head` would use on `device`. None if the library cannot say: SDK 2.0 and later can.
+/// Device memory that a context created with `head` and [`Choice::Any`](super::Choice::Any) would use on `device`: that of the default provider,
+/// which another choice may not select. None if the library cannot say: SDK 2.0 and later can.
 ///
 /// # Errors
 /// The library's own errors.
@@ -101,11 +102,13 @@ impl<Head: ReportsMemory> Context<Head> {
     }
 }
 
-/// Whether the library knows the query. The fields of the query are valid, so a `PARAMETER` error also means that it does not.
+/// Whether the library knows the query. The fields of the query are valid, so a `PARAMETER` error also means that it does not. The frame
+/// generator of SDK 1.1.0 and 1.1.1 answers every query with `ERROR`.
 pub(super) fn is_known(answer: Result<(), super::api::Failure>) -> Result<bool> {
     match answer {
         Ok(()) => Ok(true),
-        Err(failure) if failure.is_unknown_struct() || failure.code == ReturnCode::PARAMETER => Ok(false),
+        Err(failure) if failure.is_unknown_struct() => Ok(false),
+        Err(failure) if [ReturnCode::PARAMETER, ReturnCode::ERROR].contains(&failure.code) => Ok(false),
         Err(failure) => Err(failure.error()),
     }
 }

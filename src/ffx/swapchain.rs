@@ -25,11 +25,11 @@ use super::bindings::{
     ConfigureFrameGeneration, ConfigureInterface, ConfigureSwapchainKeyValue, CreateFlags, CreateFrameGeneration,
     CreateSwapchainForWindow, CreateSwapchainNew, CreateSwapchainWrap, Creates, Dimensions, DispatchWait, FrameFlags,
     InterfaceFlags, MemoryUsage, PacingTuning, QuerySwapchainMemory, RawContext, Resource, ResourceState, ReturnCode,
-    SurfaceFormat, SwapchainKey,
+    StructId, SurfaceFormat, SwapchainKey,
 };
 use super::sanitised_motion::SanitisedMotion;
 use super::texture_generator::{READ, TextureGenerator, TextureOptions, motion_size_at, picture};
-use super::{Api, Chain, Choice, Context, Frame, FrameParams, Generator, Provider};
+use super::{Api, Chain, Choice, Context, FfxStruct, Frame, FrameParams, Generator, Provider};
 use crate::gpu::compute::{CommandRing, ResourceWithState, compute_queue_knows};
 use crate::gpu::{Gpu, check_list, failed_on};
 use crate::{Error, ErrorKind, Result};
@@ -39,7 +39,10 @@ use present_fence::PresentFence;
 pub use settings::{
     FrameTextures, Interface, Pacing, SwapchainMemory, SwapchainOptions, SwapchainSource, swapchain_memory_needed,
 };
-use takeover::{check_wrappable, references};
+use takeover::{check_buffer_count, check_wrappable, references};
+
+/// The first swap chain whose pacing can be set: that of SDK 1.1.3. Earlier ones are named 1.0.
+const PACING_SINCE: [u32; 3] = [1, 1, 2];
 
 /// AMD's swap chain with its frame generator.
 ///
@@ -124,16 +127,20 @@ impl Swapchain {
     ///
     /// # Errors
     /// `InvalidArgument` with the field for input on which AMD's library would fail, hang or crash: a queue that is not direct, a
-    /// swap chain that is full screen, has no size or is referenced elsewhere. `Unsupported` with the field `provider` when no
-    /// generator passes the self-test. The library's own errors; `OutOfMemory`, `DeviceRemoved`.
+    /// swap chain that is full screen, has no size, is referenced elsewhere or has a number of buffers other than 2 to 16, with SDK 1.1
+    /// 2 to 6. `Unsupported` with the field `provider` when no generator passes the self-test, and with the field `hudless` as of
+    /// [`Generator::create`]. The library's own errors; `OutOfMemory`, `DeviceRemoved`.
     pub fn new(gpu: &Gpu, api: &Api, options: &SwapchainOptions, from: SwapchainSource<'_>) -> Result<Self> {
         let refuse = |field: &str, why: &str| Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
         if gpu.frames().kind() != D3D12_COMMAND_LIST_TYPE_DIRECT {
             return refuse("queue", "AMD's swap chain draws on it, and it is not direct");
         }
         let mut structs = Box::<CreationStructs>::default();
-        let shown = match &from {
-            SwapchainSource::Wrap(Some(swapchain)) => check_wrappable(gpu, swapchain)?,
+        let (size, format, buffers) = match &from {
+            SwapchainSource::Wrap(Some(swapchain)) => {
+                let desc = check_wrappable(gpu, swapchain)?;
+                ((desc.Width, desc.Height), desc.Format, (desc.BufferCount, "swapchain"))
+            }
             SwapchainSource::Wrap(None) => return refuse("swapchain", "there is none"),
             SwapchainSource::New(_, desc) => {
                 structs.description = *desc;
@@ -144,7 +151,7 @@ impl Swapchain {
                     return refuse("description.OutputWindow", "there is no window");
                 }
                 let mode = desc.BufferDesc;
-                (mode.Width, mode.Height, mode.Format)
+                ((mode.Width, mode.Height), mode.Format, (desc.BufferCount, "description.BufferCount"))
             }
             SwapchainSource::ForWindow(_, window, desc, fullscreen) => {
                 structs.of_window = *desc;
@@ -155,11 +162,12 @@ impl Swapchain {
                 if window.is_invalid() {
                     return refuse("window", "there is none");
                 }
-                (desc.Width, desc.Height, desc.Format)
+                ((desc.Width, desc.Height), desc.Format, (desc.BufferCount, "description.BufferCount"))
             }
         };
+        check_buffer_count(gpu, api, creation_struct(&from), buffers).map_err(|error| gpu.or_removed(error))?;
         let options = *options;
-        let head = head_of(&options, (shown.0, shown.1), SurfaceFormat::from_dxgi(shown.2.0.cast_unsigned()));
+        let head = head_of(&options, size, SurfaceFormat::from_dxgi(format.0.cast_unsigned()));
         let generator = generator(gpu, api, &options, head).map_err(|error| gpu.or_removed(error))?;
         let callback_data = Box::new(CallbackData {
             api: *api,
@@ -215,7 +223,7 @@ impl Swapchain {
     /// The provider that generates frames.
     ///
     /// # Errors
-    /// `InvalidState` after [`fit`](Self::fit) has failed.
+    /// `InvalidState` if [`fit`](Self::fit) could not create one.
     pub fn provider(&self) -> Result<&Provider> {
         self.generator.as_ref().map(Generator::provider).ok_or_else(no_generator)
     }
@@ -341,6 +349,8 @@ impl Swapchain {
         if self.callback_data.has_gap.swap(false, Ordering::Relaxed) {
             generator.drop_history();
         }
+        // The configure call turns generation on, also if the prepare call after it fails.
+        self.is_on = true;
         // SAFETY: the frame's open list; its resources belong to the device, are in the stated states and are held by the frame or
         // by `self`; the swap chain and the callback's data outlive generation, which is turned off first.
         let prepared = unsafe { generator.prepare(&request, settings) };
@@ -349,7 +359,6 @@ impl Swapchain {
         self.callback_data.reset.store(if reset { id } else { 0 }, Ordering::Relaxed);
         drop(lock);
         frame.resume();
-        self.is_on = true;
         // Keeps the pictures that `Present` will read, and the previous ones, which it may still be reading.
         let [last, _] = std::mem::take(&mut self.read_later);
         let now = [pictures.hudless, pictures.distortion].map(|given| given.map(|given| given.resource.clone()));
@@ -434,10 +443,20 @@ impl Swapchain {
     /// Sets the pacing of presents.
     ///
     /// # Errors
-    /// `InvalidArgument` with the field for a value out of range. The library's own errors: SDK 1.1.1 and earlier return
-    /// `Unsupported`.
+    /// `InvalidArgument` with the field for a value out of range; `Unsupported` with the field `provider` for SDK 1.1.2 and earlier; the
+    /// library's own errors.
     pub fn set_pacing(&mut self, pacing: &Pacing) -> Result<()> {
         let refuse = |field: &str, why: &str| Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
+        let version = &self.pacer.provider().version;
+        // That of SDK 1.1.0 refuses the struct; those of 1.1.1 and 1.1.2 ignore the key and return OK.
+        if version.number().is_some_and(|number| number < PACING_SINCE) {
+            return Err(Error::new(
+                ErrorKind::Unsupported,
+                format!("the swap chain {version} has no settings of pacing"),
+            )
+            .field("provider")
+            .remedy("Use AMD's libraries of SDK 1.1.3 or later"));
+        }
         if !(pacing.safety_margin_ms.is_finite() && pacing.safety_margin_ms >= 0.0) {
             return refuse("safety_margin_ms", "it must be 0 or more");
         }
@@ -477,6 +496,8 @@ impl Swapchain {
         if self.generator.as_ref().is_some_and(|generator| fits(generator.creation())) {
             return Ok(());
         }
+        // A generator must not end while the swap chain calls it.
+        self.pause()?;
         self.end_generator()?;
         let options = SwapchainOptions { self_test: false, ..self.options };
         let head = head_of(&options, (size.width, size.height), format);
@@ -487,9 +508,8 @@ impl Swapchain {
         Ok(())
     }
 
-    /// Turns generation off, waits until the device no longer uses the generator, and destroys it.
+    /// Waits until the device no longer uses the generator, and destroys it. Generation must be off.
     fn end_generator(&mut self) -> Result<()> {
-        let off = self.pause();
         self.presented.signal_presented()?;
         // Generated frames run on the engine's queue.
         self.gpu.frames().signal()?.wait()?;
@@ -499,7 +519,7 @@ impl Swapchain {
             self.last_id = generator.last_id();
         }
         self.read_later = Default::default();
-        off
+        Ok(())
     }
 
     /// The swap chain's description.
@@ -519,7 +539,10 @@ impl Drop for Swapchain {
     /// In the order that AMD's documentation asks for: generation off, all frames presented, the generator, the swap chain, the
     /// pacing context.
     fn drop(&mut self) {
-        if let Err(why) = self.end_generator() {
+        // Nobody presents any more, so that a generator that could not be turned off is not called.
+        let off = self.pause();
+        let ended = self.end_generator();
+        if let Err(why) = off.and(ended) {
             log::error!(target: "cairn::ffx", "a swap chain ends while frames may be under way: {why}");
         }
         self.generator = None;
@@ -574,6 +597,15 @@ fn create_pacing_context(
             }
         }
     })
+}
+
+/// The struct that creates a pacing context.
+fn creation_struct(from: &SwapchainSource<'_>) -> StructId {
+    match from {
+        SwapchainSource::Wrap(_) => CreateSwapchainWrap::ID,
+        SwapchainSource::New(..) => CreateSwapchainNew::ID,
+        SwapchainSource::ForWindow(..) => CreateSwapchainForWindow::ID,
+    }
 }
 
 fn same_size(a: Dimensions, b: Dimensions) -> bool {

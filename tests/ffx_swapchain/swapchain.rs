@@ -36,6 +36,9 @@ struct ExtraInputs<'a> {
     sign: bool,
 }
 
+/// SDK 1.1.0, whose generator has this name.
+const FIRST_RELEASE: [&str; 2] = ["sdk 1.1.0", "offers 0xf600000000401000 1.1.0"];
+
 const SIGN: [u8; 4] = [250, 10, 240, 255];
 
 fn in_sign(x: u32, y: u32) -> bool {
@@ -79,27 +82,29 @@ fn create_swapchain(
     let mut own = matches!(how, How::Wrap).then(|| of_engine(engine, window));
     let from = match how {
         How::Wrap => SwapchainSource::Wrap(&mut own),
-        How::New => SwapchainSource::New(
-            &factory,
-            DXGI_SWAP_CHAIN_DESC {
-                BufferDesc: DXGI_MODE_DESC {
-                    Width: SIZE.width,
-                    Height: SIZE.height,
-                    Format: DXGI_FORMAT_R8G8B8A8_UNORM,
-                    ..Default::default()
-                },
-                SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
-                BufferUsage: DXGI_USAGE_RENDER_TARGET_OUTPUT,
-                BufferCount: 3,
-                OutputWindow: window.0,
-                Windowed: true.into(),
-                SwapEffect: DXGI_SWAP_EFFECT_FLIP_DISCARD,
-                ..Default::default()
-            },
-        ),
+        How::New => SwapchainSource::New(&factory, older_description(window)),
         How::ForWindow => SwapchainSource::ForWindow(&factory, window.0, description(), None),
     };
     Swapchain::new(gpu, library.api(Effect::FrameGeneration)?, options, from)
+}
+
+/// The description of a swap chain for `IDXGIFactory::CreateSwapChain`.
+fn older_description(window: &Window) -> DXGI_SWAP_CHAIN_DESC {
+    DXGI_SWAP_CHAIN_DESC {
+        BufferDesc: DXGI_MODE_DESC {
+            Width: SIZE.width,
+            Height: SIZE.height,
+            Format: DXGI_FORMAT_R8G8B8A8_UNORM,
+            ..Default::default()
+        },
+        SampleDesc: DXGI_SAMPLE_DESC { Count: 1, Quality: 0 },
+        BufferUsage: DXGI_USAGE_RENDER_TARGET_OUTPUT,
+        BufferCount: 3,
+        OutputWindow: window.0,
+        Windowed: true.into(),
+        SwapEffect: DXGI_SWAP_EFFECT_FLIP_DISCARD,
+        ..Default::default()
+    }
 }
 
 impl WindowedEngine {
@@ -505,10 +510,13 @@ pub(crate) fn trials() -> Vec<Trial> {
 
 fn paced_trials() -> Vec<Trial> {
     use pacing::{
-        creation_and_pacing_parameters_reach_the_library,
+        a_generator_that_cannot_be_turned_off_stays, creation_and_pacing_parameters_reach_the_library,
         every_code_at_every_call_is_reported_and_the_next_call_succeeds,
+        generation_of_a_frame_that_is_not_prepared_is_turned_off,
         hudless_frames_rects_and_lens_distortion_change_generated_frames, memory_can_be_queried_before_creation,
+        numbers_of_buffers_that_overrun_amd_s_arrays_are_refused,
         pictures_are_held_until_the_next_present_has_read_them,
+        the_first_release_cannot_report_memory_set_pacing_or_have_another_hudless_format,
     };
     trials![
         always: hudless_frames_rects_and_lens_distortion_change_generated_frames,
@@ -516,5 +524,9 @@ fn paced_trials() -> Vec<Trial> {
         pictures_are_held_until_the_next_present_has_read_them,
         every_code_at_every_call_is_reported_and_the_next_call_succeeds,
         memory_can_be_queried_before_creation,
+        the_first_release_cannot_report_memory_set_pacing_or_have_another_hudless_format,
+        numbers_of_buffers_that_overrun_amd_s_arrays_are_refused,
+        generation_of_a_frame_that_is_not_prepared_is_turned_off,
+        a_generator_that_cannot_be_turned_off_stays,
     ]
 }

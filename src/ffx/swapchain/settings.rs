@@ -8,12 +8,14 @@ use windows::Win32::Graphics::Dxgi::{
 };
 use windows::core::Interface as _;
 
+use super::takeover::check_buffer_count;
 use crate::Result;
 use crate::ffx::bindings::{
-    CreateFlags, Dimensions, InterfaceFlags, MemoryUsage, QuerySwapchainMemoryV2, SurfaceFormat,
+    CreateFlags, CreateSwapchainForWindow, Dimensions, InterfaceFlags, MemoryUsage, QuerySwapchainMemoryV2,
+    SurfaceFormat,
 };
 use crate::ffx::memory_usage::is_known;
-use crate::ffx::{Api, Chain, Choice};
+use crate::ffx::{Api, Chain, Choice, FfxStruct};
 use crate::gpu::Gpu;
 use crate::gpu::compute::ResourceWithState;
 
@@ -124,7 +126,7 @@ pub struct SwapchainMemory {
 /// same size. None if the library cannot report it: SDK 2.0 and later can.
 ///
 /// # Errors
-/// The library's own errors.
+/// `InvalidArgument` for a number of buffers that [`Swapchain::new`](super::Swapchain::new) refuses; the library's own errors.
 pub fn swapchain_memory_needed(
     gpu: &Gpu,
     api: &Api,
@@ -133,6 +135,7 @@ pub fn swapchain_memory_needed(
     back_buffers: u32,
     interface: Option<SurfaceFormat>,
 ) -> Result<Option<MemoryUsage>> {
+    check_buffer_count(gpu, api, CreateSwapchainForWindow::ID, (back_buffers, "back_buffers"))?;
     let mut usage = MemoryUsage::default();
     let mut query = Chain::new(QuerySwapchainMemoryV2 {
         device: gpu.device().as_raw(),

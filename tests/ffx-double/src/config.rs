@@ -10,7 +10,11 @@ use windows::Win32::System::LibraryLoader::{
 };
 use windows::core::PCWSTR;
 
+use crate::library::EFFECT;
 use crate::shader_work;
+
+/// The effect of swap chains, in the ids of structs.
+pub(crate) const SWAPCHAIN_EFFECT: u64 = 0x3_0000;
 
 /// The configuration: one setting per line, such as `sdk 2.1` or `offers 0xf600000001000001 4.0.1`.
 #[derive(Debug, Clone, Default)]
@@ -23,6 +27,8 @@ pub(crate) struct Config {
     pub(crate) effects: Vec<u64>,
     /// `offers ID NAME`: an available provider; the first is the default.
     pub(crate) providers: Vec<(u64, CString)>,
+    /// The provider of swap chains, if it is another than those: that of SDK 1.1.0 is named 1.0.
+    swapchain_provider: Option<(u64, CString)>,
     /// `runs ID NAME`: the provider that contexts get instead, as drivers do.
     pub(crate) substitute: Option<(u64, CString)>,
     /// `answers CALL CODE TEXT`: that call returns the code, and the text goes to the message callback.
@@ -56,7 +62,7 @@ pub(crate) struct Config {
 /// Releases in their order.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Sdk {
-    /// 1.1.0 to 1.1.3.
+    /// 1.1.0.
     V110,
     /// 1.1.4.
     #[default]
@@ -65,6 +71,13 @@ pub(crate) enum Sdk {
     V20,
     /// 2.1 and later.
     V21,
+}
+
+impl Sdk {
+    /// The number of buffers for which AMD's swap chain has room.
+    pub(crate) fn most_buffers(self) -> u32 {
+        if self < Self::V20 { 6 } else { 16 }
+    }
 }
 
 impl Config {
@@ -86,7 +99,10 @@ impl Config {
             match word()? {
                 "sdk" => {
                     config.sdk = match word()? {
-                        "1.1.0" => Sdk::V110,
+                        "1.1.0" => {
+                            config.swapchain_provider = Some((0xf65c_dd12_0100_0000, name("1.0")?));
+                            Sdk::V110
+                        }
                         "1.1.4" => Sdk::V114,
                         "2.0" => Sdk::V20,
                         "2.1" => Sdk::V21,
@@ -135,9 +151,17 @@ impl Config {
 }
 
 impl Config {
+    /// The available providers of the contexts that the struct `create` makes.
+    pub(crate) fn offered(&self, create: u64) -> &[(u64, CString)] {
+        match &self.swapchain_provider {
+            Some(provider) if create & EFFECT == SWAPCHAIN_EFFECT => std::slice::from_ref(provider),
+            _ => &self.providers,
+        }
+    }
+
     /// Whether it implements an effect; swap chains belong to frame generation.
     pub(crate) fn has(&self, effect: u64) -> bool {
-        self.effects.contains(&if effect == 0x3_0000 { 0x2_0000 } else { effect })
+        self.effects.contains(&if effect == SWAPCHAIN_EFFECT { 0x2_0000 } else { effect })
     }
 }
 

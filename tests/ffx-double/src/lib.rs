@@ -35,6 +35,7 @@ use std::ffi::c_void;
 use library::Library;
 
 const OK: u32 = 0;
+const ERROR: u32 = 1;
 const UNKNOWN_STRUCT: u32 = 2;
 const RUNTIME: u32 = 3;
 const NO_PROVIDER: u32 = 4;

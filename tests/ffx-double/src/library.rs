@@ -186,11 +186,12 @@ impl Library {
         code
     }
 
-    /// The provider that a context gets.
-    fn provider(&self, wanted: Option<u64>) -> Option<(u64, CString)> {
+    /// The provider that a context gets, which the struct `create` makes.
+    fn provider(&self, create: u64, wanted: Option<u64>) -> Option<(u64, CString)> {
+        let offered = self.config.offered(create);
         let offered = match wanted {
-            None => self.config.providers.first(),
-            Some(id) => self.config.providers.iter().find(|(known, _)| *known == id),
+            None => offered.first(),
+            Some(id) => offered.iter().find(|(known, _)| *known == id),
         };
         offered.map(|offered| self.config.substitute.as_ref().unwrap_or(offered).clone())
     }
@@ -304,10 +305,11 @@ impl Library {
             return self.report_violation("create", &format!("{wanted:x} was never offered"), NO_PROVIDER);
         }
         if id::SWAPCHAINS.contains(&first) {
-            let Some(provider) = self.provider(wanted) else { return NO_PROVIDER };
+            let Some(provider) = self.provider(first, wanted) else { return NO_PROVIDER };
             let mut faults = Vec::new();
             // SAFETY: a struct of the type that its id says.
-            let made = unsafe { swapchain::make(first, head, self.config.folder.clone(), &mut faults) };
+            let made =
+                unsafe { swapchain::make(first, head, self.config.sdk, self.config.folder.clone(), &mut faults) };
             let code = if made.is_some() { OK } else { RUNTIME };
             for why in faults {
                 self.report_violation("create", &why, code);
@@ -343,7 +345,7 @@ impl Library {
                 return self.report_violation("create", &format!("format {format} is none of pictures"), 3);
             }
         }
-        let Some(provider) = self.provider(wanted) else { return NO_PROVIDER };
+        let Some(provider) = self.provider(first, wanted) else { return NO_PROVIDER };
         let made = Box::into_raw(Box::new(0_u64)).cast::<c_void>();
         {
             // SAFETY: checked to be a device; the caller keeps its reference.
@@ -358,8 +360,9 @@ impl Library {
             let (one, other) = ([sides[0], sides[1]], [sides[2], sides[3]]);
             let kind = match format {
                 Some(format) => {
-                    let made_for =
-                        CreationParams { flags, shown: one, render: other, format, hudless: hudless.unwrap_or(format) };
+                    // SDK 1.1.0 does not know the HUD-less struct.
+                    let hudless = hudless.filter(|_| self.config.sdk > Sdk::V110).unwrap_or(format);
+                    let made_for = CreationParams { flags, shown: one, render: other, format, hudless };
                     ContextKind::Generator(GeneratorState::new(made_for))
                 }
                 None => ContextKind::Upscaler(UpscalerState {

@@ -2,12 +2,12 @@
 
 use std::ffi::{c_char, c_void};
 
-use crate::config::Sdk;
+use crate::config::{SWAPCHAIN_EFFECT, Sdk};
 use crate::field_access::{get, links, put};
 use crate::generation::CreationParams;
 use crate::library::{ContextKind, EFFECT, Library, id, is_device};
 use crate::upscale::{self, UpscalerState};
-use crate::{NO_PROVIDER, OK, PARAMETER, UNKNOWN_STRUCT};
+use crate::{ERROR, NO_PROVIDER, OK, PARAMETER, UNKNOWN_STRUCT};
 
 impl Library {
     pub(crate) unsafe fn query(&mut self, context: *mut *mut c_void, head: *mut u8) -> u32 {
@@ -38,8 +38,7 @@ impl Library {
         let code = match (chain[0].0, known) {
             // SAFETY: a struct of the type that its id says.
             (id::GET_VERSIONS, None) => unsafe { self.versions(head) },
-            (id::PROVIDER_VERSION, Some(_)) if self.config.sdk == Sdk::V110 => UNKNOWN_STRUCT,
-            (id::PROVIDER_VERSION, Some(known)) => match self.contexts.get(&known) {
+            (id::PROVIDER_VERSION, Some(known)) if self.config.sdk > Sdk::V110 => match self.contexts.get(&known) {
                 Some((id, name)) => {
                     // SAFETY: the id is at 16, the name at 24, and both may be written.
                     unsafe {
@@ -124,7 +123,8 @@ impl Library {
                 let interface = of_format != 0;
                 // SAFETY: the caller's device.
                 let is_right = unsafe { is_device(device) }
-                    && ![width, height, format, buffers].contains(&0)
+                    && ![width, height, format].contains(&0)
+                    && (1..=self.config.sdk.most_buffers()).contains(&buffers)
                     && (of_width != 0, of_height != 0) == (interface, interface)
                     && flags < 4;
                 if !is_right {
@@ -158,9 +158,27 @@ impl Library {
                 // SAFETY: a struct of the type that its id says.
                 unsafe { self.memory(head, 56, made.memory()) }
             }
-            _ => UNKNOWN_STRUCT,
+            (query, known) => self.unknown_query(query, known),
         };
         self.log_call("query", &chain, code)
+    }
+
+    /// The code for a query that the release does not know, as AMD's published providers return it.
+    fn unknown_query(&self, query: u64, context: Option<usize>) -> u32 {
+        let effect = match context {
+            Some(known) if self.swapchains.contains_key(&known) => SWAPCHAIN_EFFECT,
+            Some(known) => match self.effect_contexts.get(&known).map(|effect| &effect.kind) {
+                Some(ContextKind::Generator(_)) => id::GENERATION & EFFECT,
+                _ => id::UPSCALE & EFFECT,
+            },
+            None => query & EFFECT,
+        };
+        match (effect, self.config.sdk) {
+            (SWAPCHAIN_EFFECT, Sdk::V110 | Sdk::V114) => PARAMETER,
+            (0x2_0000, Sdk::V110) => ERROR,
+            (0x2_0000, Sdk::V114) if context.is_none() => PARAMETER,
+            _ => UNKNOWN_STRUCT,
+        }
     }
 
     /// Writes answers through the struct's pointers.
@@ -213,7 +231,7 @@ impl Library {
             return self.report_violation("query", "the number alone is asked for, which no release tells", OK);
         }
         let fits = self.config.has(create & EFFECT);
-        let offers = self.config.providers.iter().filter(|_| fits).take(room);
+        let offers = self.config.offered(create).iter().filter(|_| fits).take(room);
         let mut written = 0;
         for (id, name) in offers {
             // SAFETY: the lists have this capacity.

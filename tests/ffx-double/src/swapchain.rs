@@ -18,6 +18,7 @@ use windows::Win32::Graphics::Dxgi::*;
 use windows::core::{GUID, IUnknown, Interface, Result};
 
 use crate::OK;
+use crate::config::Sdk;
 use crate::field_access::{get, put};
 use crate::generation::texture_arg;
 use crate::library::Library;
@@ -102,6 +103,7 @@ pub(crate) fn find_by_address(address: usize) -> Option<Arc<FakeSwapchain>> {
 pub(crate) unsafe fn make(
     id: u64,
     head: *const u8,
+    sdk: Sdk,
     folder: PathBuf,
     faults: &mut Vec<String>,
 ) -> Option<(SwapchainContext, *mut c_void)> {
@@ -149,7 +151,8 @@ pub(crate) unsafe fn make(
         faults.push("there is no description, window or factory".to_owned());
         return None;
     };
-    if desc.Width == 0 || desc.Height == 0 || desc.BufferCount < 2 {
+    // AMD's swap chain reads or writes past its arrays with another number of buffers.
+    if desc.Width == 0 || desc.Height == 0 || !(2..=sdk.most_buffers()).contains(&desc.BufferCount) {
         faults.push(format!("{} buffers of {} x {}", desc.BufferCount, desc.Width, desc.Height));
         return None;
     }

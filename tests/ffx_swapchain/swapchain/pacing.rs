@@ -36,6 +36,10 @@ pub(super) fn hudless_frames_rects_and_lens_distortion_change_generated_frames()
             let error = off(&pixels(&double, 2 * number + 1), |x, y| wanted(by, x, y));
             assert!(number == 0 || error <= 2, "{has_world}, {has_lens}, frame {number}: {error} off");
         }
+        // The next frame has none of them.
+        show.frame(true).expect("presented");
+        let error = off(&pixels(&double, 7), moved(3 * STEP - STEP / 2));
+        assert!(error <= 2, "{has_world}, {has_lens}: {error} off without them");
         show.swapchain.wait().expect("all are shown");
         drop(show);
         assert_eq!(double.violations(), [""; 0]);
@@ -180,7 +184,7 @@ pub(super) fn every_code_at_every_call_is_reported_and_the_next_call_succeeds() 
             let answer = act(&mut show, &interface);
             double.accept_calls();
             // An unknown memory query is not an error.
-            if id == 0x3_0009 && [2, 6, 7].contains(&code) {
+            if id == 0x3_0009 && [1, 2, 6, 7].contains(&code) {
                 answer.expect("an answer");
                 continue;
             }
@@ -234,4 +238,110 @@ pub(super) fn memory_can_be_queried_before_creation() {
         assert!(plain.zip(more).is_none_or(|(plain, more)| plain.total < more.total));
         assert_eq!(double.violations(), [""; 0]);
     }
+}
+
+/// In SDK 1.1.0 the generator answers every query with `ERROR`, and the swap chain has no settings of pacing.
+pub(super) fn the_first_release_cannot_report_memory_set_pacing_or_have_another_hudless_format() {
+    let _alone = one_at_a_time();
+    let (double, library) = set_up_double(&FIRST_RELEASE);
+    let mut show = WindowedEngine::new(How::ForWindow, &library).expect("a swap chain");
+    let pacer = show.swapchain.pacer().version.name.clone();
+    assert_eq!(
+        (show.swapchain.provider().expect("a generator").version.name.as_str(), pacer.as_str()),
+        ("1.1.0", "1.0")
+    );
+    (0..2).for_each(|_| show.frame(true).expect("presented"));
+    let memory = show.swapchain.memory().expect("an answer");
+    assert!(memory.generator.is_none() && memory.swapchain.is_none(), "{memory:?}");
+    let refused = show.swapchain.set_pacing(&Pacing::LOOSE).expect_err("it has no pacing");
+    assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("provider")));
+    show.frame(true).expect("presented");
+    assert_eq!((show.swapchain.generated(), show.swapchain.failed()), (3, None));
+    drop(show);
+    let hudless = SwapchainOptions { hudless: Some(SurfaceFormat::B8G8R8A8_UNORM), ..options() };
+    let refused = WindowedEngine::with(&hudless, How::ForWindow, &library).err().expect("its format is ignored");
+    assert_eq!((refused.kind(), refused.offending_field()), (ErrorKind::Unsupported, Some("hudless")));
+    assert_eq!(double.violations(), [""; 0]);
+}
+
+pub(super) fn numbers_of_buffers_that_overrun_amd_s_arrays_are_refused() {
+    let _alone = one_at_a_time();
+    let (engine, window) = (Engine::create(), Window::open());
+    let gpu = Gpu::of_engine(&engine.device, &engine.direct, None).expect("a device");
+    let factory = factory().cast::<IDXGIFactory>().expect("an older one");
+    let format = SurfaceFormat::R8G8B8A8_UNORM;
+    for (release, most) in
+        [(FIRST_RELEASE, 6), (["sdk 1.1.4", "offers 0xf600000000401003 1.1.3"], 6), (["sdk 2.1", ML], 16)]
+    {
+        let (double, library) = set_up_double(&release);
+        let api = library.api(Effect::FrameGeneration).expect("there");
+        let refusal = |made: cairn::Result<Swapchain>| {
+            made.err().map(|refused| (refused.kind(), refused.offending_field().unwrap_or_default().to_owned()))
+        };
+        for count in [0, 1, 2, most, most + 1, u32::MAX] {
+            let wanted =
+                |field: &str| (!(2..=most).contains(&count)).then(|| (ErrorKind::InvalidArgument, field.to_owned()));
+            let of_window = DXGI_SWAP_CHAIN_DESC1 { BufferCount: count, ..description() };
+            let older = DXGI_SWAP_CHAIN_DESC { BufferCount: count, ..older_description(&window) };
+            for from in
+                [SwapchainSource::ForWindow(&factory, window.0, of_window, None), SwapchainSource::New(&factory, older)]
+            {
+                let found = refusal(Swapchain::new(&gpu, api, &options(), from));
+                assert_eq!(found, wanted("description.BufferCount"), "{release:?}, {count}");
+            }
+            let needed = swapchain_memory_needed(&gpu, api, SIZE, format, count, None).err();
+            let needed =
+                needed.map(|refused| (refused.kind(), refused.offending_field().unwrap_or_default().to_owned()));
+            assert_eq!(needed, wanted("back_buffers"), "{release:?}, {count}");
+        }
+        // One that is taken over: its owner keeps it.
+        let large = DXGI_SWAP_CHAIN_DESC1 { BufferCount: 7, ..description() };
+        // SAFETY: live objects, and a description that lives during the call.
+        let own = unsafe { self::factory().CreateSwapChainForHwnd(&engine.direct, window.0, &large, None, None) };
+        let mut own = Some(own.expect("a swap chain").cast().expect("a newer one"));
+        let found = refusal(Swapchain::new(&gpu, api, &options(), SwapchainSource::Wrap(&mut own)));
+        let wanted = (most < 7).then(|| (ErrorKind::InvalidArgument, "swapchain".to_owned()));
+        assert_eq!((found, own.is_some()), (wanted, most < 7), "{release:?}");
+        assert_eq!(double.violations(), [""; 0], "{release:?}");
+    }
+}
+
+/// The configure call succeeds and turns generation on, and the prepare call after it fails.
+pub(super) fn generation_of_a_frame_that_is_not_prepared_is_turned_off() {
+    let _alone = one_at_a_time();
+    let (double, library) = set_up_double(&["sdk 2.1", ML, "refusing"]);
+    for is_paused in [false, true] {
+        let mut show = WindowedEngine::new(How::ForWindow, &library).expect("a swap chain");
+        double.reject_calls(0x2_000c, 3);
+        show.frame(true).expect_err("it is not prepared");
+        double.accept_calls();
+        if is_paused {
+            show.swapchain.pause().expect("paused");
+            let before = shown(&double).len();
+            show.frame(false).expect("presented");
+            assert_eq!(shown(&double).len() - before, 1, "alone");
+        }
+        drop(show);
+        assert_eq!(double.violations(), [""; 0], "{is_paused}");
+    }
+}
+
+pub(super) fn a_generator_that_cannot_be_turned_off_stays() {
+    let _alone = one_at_a_time();
+    let (double, library) = set_up_double(&["sdk 2.1", ML, "refusing"]);
+    let mut show = WindowedEngine::new(How::ForWindow, &library).expect("a swap chain");
+    (0..2).for_each(|_| show.frame(true).expect("presented"));
+    // SAFETY: a live swap chain whose buffers nobody holds.
+    unsafe { show.swapchain.dxgi().ResizeBuffers(3, 160, 80, DXGI_FORMAT_UNKNOWN, DXGI_SWAP_CHAIN_FLAG(0)) }
+        .expect("resized");
+    for id in [0x2_0002, 0x3_0007] {
+        double.reject_calls(id, 3);
+        show.swapchain.fit().expect_err("generation is not off");
+        double.accept_calls();
+        assert!(show.swapchain.provider().is_ok());
+        assert_eq!(double.violations(), [""; 0], "{id:x}");
+    }
+    show.swapchain.fit().expect("it fits");
+    drop(show);
+    assert_eq!(double.violations(), [""; 0]);
 }
