@@ -14,7 +14,7 @@ use crate::dist::Platform;
     bin_name = "cargo xtask",
     arg_required_else_help = true,
     after_help = "A first visit:\n  cargo xtask demo           see it run: target/demo/ holds videos, pictures and manifests\n  \
-                  cargo xtask test           run every test; the last line sums them up\n\nWhile working:\n  \
+                  cargo xtask test           run the tests of every change; the last line sums them up\n\nWhile working:\n  \
                   cargo xtask fix            format, and apply what clippy can mend\n  \
                   cargo xtask test clippy    run only the runners whose name holds \"clippy\"\n  \
                   cargo xtask test --list    show the runners\n\n\
@@ -40,7 +40,7 @@ pub(crate) enum Command {
         #[arg(last = true)]
         arguments: Vec<String>,
     },
-    /// Run every test and sum them up; the exit status is 0 when nothing failed
+    /// Run the tests of every change and sum them up; the exit status is 0 when nothing failed. `--list` also shows further parts
     Test(TestOptions),
     /// Measure what the runtime costs over bare ONNX Runtime, as ratios of one run
     Bench {

@@ -315,9 +315,10 @@ namespace Cairn
         /// <exception cref="CairnException">As <see cref="Cpu"/>.</exception>
         public static Device Auto(out string refusals, DeviceOptions options = null)
         {
-            const int Room = 4096;
+            // The call cannot be repeated for a longer text.
+            var room = new byte[1 << 16];
             options = options ?? new DeviceOptions();
-            byte* text = stackalloc byte[Room];
+            fixed (byte* text = room)
             fixed (byte* onnxruntime = Text.Encode(options.OnnxRuntime, nameof(options)))
             fixed (byte* ffx = Text.Encode(options.Ffx, nameof(options)))
             fixed (byte* webgpu = Text.Encode(options.WebGpu, nameof(options)))
@@ -325,9 +326,9 @@ namespace Cairn
                 Native.device_options native = Of(options, onnxruntime, ffx);
                 native.webgpu = webgpu;
                 IntPtr device = IntPtr.Zero;
-                int result = Library.C.device_create_auto(&native, text, (UIntPtr)Room, null, &device);
+                int result = Library.C.device_create_auto(&native, text, (UIntPtr)room.Length, null, &device);
                 var made = new Device(CheckCreated(result, ref device));
-                refusals = Text.Decode(text, Room);
+                refusals = Text.Decode(text, room.Length);
                 return made;
             }
         }
