@@ -154,6 +154,8 @@ fn make_plugin(workspace: &Workspace, log: &mut Log, binding: &Path, work: &Path
 fn run_components(mono: &Mono, log: &mut Log, tests: &Path, defines: &[&str], tally: &mut Tally) -> Result<(), String> {
     let mut command = mono.program();
     command.arg("--debug").arg(tests).current_dir(tests.with_file_name("")).env_remove("CAIRN_LIBRARY");
+    // Cargo puts its folder there, whose library would be found before the one that has ONNX Runtime beside it.
+    command.env_remove("LD_LIBRARY_PATH");
     if defines != INPUTS[INPUTS.len() - 1] {
         command.arg("input");
     }
