@@ -14,10 +14,11 @@ use cairn::gpu::Gpu;
 use cairn::gpu::windows::core::Interface;
 
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
-use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R8G8B8A8_UNORM;
+use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::{DXGI_FORMAT_R8G8B8A8_UNORM, DXGI_FORMAT_R16G16_FLOAT};
+use half::f16;
 use libtest_mimic::Trial;
 use test_support::d3d12::engine::Engine;
-use test_support::d3d12::resources::{self, TestResource, run_list};
+use test_support::d3d12::resources::{self, TestResource, run_list, writable_texture};
 use test_support::ffx::frame_textures::Textures;
 use test_support::ffx::world_in_rect;
 use test_support::trials;
@@ -289,14 +290,23 @@ fn it_passes_the_self_test_and_generates_on_both_kinds_of_queue() {
     }
 }
 
+/// Inputs of frames beside a panning world.
+#[derive(Clone, Copy, Default)]
+struct Extras {
+    /// An interface that is drawn in front of the world.
+    sign: Option<[u8; 4]>,
+    /// Whether the world without it is passed too.
+    hudless: bool,
+    /// Lens distortion of every pixel, as a fraction of the picture.
+    lens: Option<[f32; 2]>,
+}
+
 /// Generates frames of a world that pans by 16 pixels with AMD's libraries, as `params` says; returns the last generated frame.
-/// `sign` is drawn in front of the world; with `hudless`, the world without it is passed too.
 fn panned(
     gpu: &Gpu,
     generator: &mut TextureGenerator,
     params: &FrameParams,
-    sign: Option<[u8; 4]>,
-    hudless: bool,
+    Extras { sign, hudless, lens }: Extras,
 ) -> Vec<[u8; 4]> {
     const STEP: f32 = 16.0;
     let size = head().display_size;
@@ -304,11 +314,22 @@ fn panned(
     let world = Textures::new(gpu, size).color;
     textures.fill(&textures.depth, |_, _| 0.5_f32.to_le_bytes());
     textures.fill(&textures.motion, |_, _| [0x00, 0xcc, 0, 0]);
+    let field = lens.map(|shift| {
+        let field =
+            writable_texture(gpu, (size.width, size.height), DXGI_FORMAT_R16G16_FLOAT, D3D12_RESOURCE_STATE_COMMON);
+        let [x, y] = shift.map(|part| f16::from_f32(part).to_le_bytes());
+        textures.fill(&field, |_, _| [x[0], x[1], y[0], y[1]]);
+        field
+    });
     for number in 1_u8..=3 {
         let now = moved(STEP * f32::from(number));
         textures.fill(&world, &now);
         textures.fill(&textures.color, |x, y| sign.filter(|_| in_sign(x, y)).unwrap_or_else(|| now(x, y)));
-        let pictures = GenerationTextures { hudless: hudless.then(|| world.with_state()), ..textures.pictures() };
+        let pictures = GenerationTextures {
+            hudless: hudless.then(|| world.with_state()),
+            distortion: field.as_ref().map(TestResource::with_state),
+            ..textures.pictures()
+        };
         let params = FrameParams { reset: number == 1, ..*params };
         generator.generate(&pictures, &params).expect("generated").wait().expect("it has run");
     }
@@ -340,7 +361,7 @@ fn depth_and_motion_cover_the_part_that_is_generated() {
     world_in_rect::check(&gpu, &mut generator, size);
 }
 
-fn interface_letterbox_and_transfer_function_change_amd_s_frame() {
+fn interface_letterbox_lens_and_transfer_function_change_amd_s_frame() {
     let library = Library::load(&options(false)).expect("loaded");
     let api = library.api(Effect::FrameGeneration).expect("there");
     let gpu = Gpu::on_adapter(None).expect("a device");
@@ -359,9 +380,9 @@ fn interface_letterbox_and_transfer_function_change_amd_s_frame() {
     let inner = |x: u32, y: u32| (60..size.width - 60).contains(&x) && (60..size.height - 60).contains(&y);
 
     let mut generator = made(CreateFlags::empty());
-    let whole = panned(&gpu, &mut generator, &FrameParams::of(size), None, false);
+    let whole = panned(&gpu, &mut generator, &FrameParams::of(size), Extras::default());
     let rect = Rect { left: 0, top: 40, width: size.width.cast_signed(), height: size.height.cast_signed() - 80 };
-    let barred = panned(&gpu, &mut generator, &FrameParams { rect, ..FrameParams::of(size) }, None, false);
+    let barred = panned(&gpu, &mut generator, &FrameParams { rect, ..FrameParams::of(size) }, Extras::default());
     let bars = |_: u32, y: u32| y < 40 || y >= size.height - 40;
     println!(
         "letterbox: bars {} off the frame with it, {} without; the world {} off the half step",
@@ -373,8 +394,9 @@ fn interface_letterbox_and_transfer_function_change_amd_s_frame() {
     assert!(off(&barred, inner, &half) <= 2);
 
     let sign = [250, 10, 240, 255];
-    let without = panned(&gpu, &mut generator, &FrameParams::of(size), Some(sign), false);
-    let with = panned(&gpu, &mut generator, &FrameParams::of(size), Some(sign), true);
+    let drawn = Extras { sign: Some(sign), ..Extras::default() };
+    let without = panned(&gpu, &mut generator, &FrameParams::of(size), drawn);
+    let with = panned(&gpu, &mut generator, &FrameParams::of(size), Extras { hudless: true, ..drawn });
     let around = |x: u32, y: u32| inner(x, y) && !in_sign(x, y);
     println!(
         "interface: {} off the sign with the world alone, {} without; around it {} and {} off the half step",
@@ -385,6 +407,17 @@ fn interface_letterbox_and_transfer_function_change_amd_s_frame() {
     );
     assert!(off(&with, in_sign, |_, _| sign) <= 2, "it stands");
     assert!(off(&with, around, &half) < off(&without, around, &half), "and leaves less of a trail");
+
+    // A lens that moves everything right by 8 pixels, and then frames without it.
+    let lens = Extras { lens: Some([-8.0 / size.width as f32, 0.0]), ..Extras::default() };
+    let [distorted, after] =
+        [lens, Extras::default()].map(|lens| panned(&gpu, &mut generator, &FrameParams::of(size), lens));
+    println!(
+        "lens: {} off the moved half step with it; without it, {} off the half step",
+        off(&distorted, inner, moved(48.0)),
+        off(&after, inner, &half)
+    );
+    assert!(off(&distorted, inner, moved(48.0)) <= 2 && off(&after, inner, &half) <= 2);
     drop(generator);
 
     // High dynamic range: the same code values are other light. This matters where a provider estimates optical flow itself: the
@@ -438,7 +471,7 @@ pub(crate) fn trials() -> Vec<Trial> {
         a_picture_that_pans_is_halfway_between_and_a_reset_gives_the_frame_itself,
         declared_jitter_in_motion_does_no_harm_and_a_detected_cut_gives_the_frame_itself,
         it_passes_the_self_test_and_generates_on_both_kinds_of_queue,
-        interface_letterbox_and_transfer_function_change_amd_s_frame,
+        interface_letterbox_lens_and_transfer_function_change_amd_s_frame,
         depth_and_motion_cover_the_part_that_is_generated,
         memory_of_each_size_is_reported,
     ]
