@@ -336,7 +336,7 @@ pub unsafe extern "C" fn cairn_presenter_prepare_d3d12(
     call("cairn_presenter_prepare_d3d12", || {
         let object = enter(presenter)?;
         if object.is_nested() {
-            // Replacing what was prepared waits for the frame whose callback this is.
+            // Replacing the preparation would wait for the frame that made this callback.
             return Err(in_use());
         }
         let device = enter(device)?;

@@ -13,10 +13,7 @@ pub(super) const LENGTH: usize = 2;
 /// A model that adds the input `x` to itself; its output is `y`.
 pub(super) fn model(precision: Precision) -> Vec<u8> {
     let mut model = ModelWriter::default();
-    let element = match precision {
-        Precision::F32 => DataType::F32,
-        Precision::F16 => DataType::F16,
-    };
+    let element = DataType::from(precision);
     model.input("x", element, &[LENGTH]);
     model.node("Add", &["x", "x"], &["y"], &[]);
     model.output("y", element, &[LENGTH]);

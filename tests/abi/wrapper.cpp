@@ -4,19 +4,11 @@
  */
 #include "cairn.hpp"
 
+#include "check.hpp"
+
 #include <array>
 #include <cstring>
 #include <type_traits>
-
-static int failed_checks;
-
-#define CHECK(what)                                                         \
-    do {                                                                    \
-        if (!(what)) {                                                      \
-            std::fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, #what); \
-            failed_checks++;                                                \
-        }                                                                   \
-    } while (0)
 
 /* Prints a result that differs from the expected code. */
 #define ANSWERS(expected, call)                                                                                                \
@@ -362,24 +354,6 @@ static void a_rollout_through_the_embedded_world()
 
 int main()
 {
-    int failed = 0;
-    const auto run = [&](const char *name, void (*test)()) {
-        failed_checks = 0;
-#if CAIRN_HPP_EXCEPTIONS
-        try {
-            test();
-        } catch (const std::exception &e) {
-            std::fprintf(stderr, "%s: %s\n", name, e.what());
-            failed_checks++;
-        }
-#else
-        test();
-#endif
-        std::printf("test %s ... %s\n", name, failed_checks ? "FAILED" : "ok");
-        std::fflush(stdout);
-        failed += failed_checks != 0;
-    };
-#define RUN(test) run(#test, test)
     RUN(structs_have_their_size_and_are_zero);
     RUN(versions_and_devices_equal_the_librarys);
     RUN(a_handle_has_one_owner);
@@ -391,5 +365,5 @@ int main()
     RUN(threads_can_be_set_before_the_first_object);
     RUN(presenters_show_due_frames_and_report_statistics);
     RUN(a_rollout_through_the_embedded_world);
-    return failed != 0;
+    return failed_tests != 0;
 }

@@ -4,17 +4,9 @@
  */
 #include "cairn.hpp"
 
+#include "check.hpp"
+
 #include <algorithm>
-
-static int failed_checks;
-
-#define CHECK(what)                                                         \
-    do {                                                                    \
-        if (!(what)) {                                                      \
-            std::fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, #what); \
-            failed_checks++;                                                \
-        }                                                                   \
-    } while (0)
 
 /* The size of the state in each call of cairn_rollout_save; the last one stays. */
 static std::vector<std::size_t> sizes;
@@ -108,15 +100,8 @@ static void refusals_are_whole_up_to_their_limit()
 
 int main()
 {
-    int failed = 0;
-    const auto run = [&](const char *name, void (*test)()) {
-        failed_checks = 0;
-        test();
-        std::printf("test %s ... %s\n", name, failed_checks == 0 ? "ok" : "FAILED");
-        failed += failed_checks;
-    };
-    run("a_saved_state_has_the_size_of_its_second_call", a_saved_state_has_the_size_of_its_second_call);
-    run("a_state_that_cannot_be_saved_is_an_error", a_state_that_cannot_be_saved_is_an_error);
-    run("refusals_are_whole_up_to_their_limit", refusals_are_whole_up_to_their_limit);
-    return failed == 0 ? 0 : 1;
+    RUN(a_saved_state_has_the_size_of_its_second_call);
+    RUN(a_state_that_cannot_be_saved_is_an_error);
+    RUN(refusals_are_whole_up_to_their_limit);
+    return failed_tests != 0;
 }

@@ -8,7 +8,7 @@ using Cairn.Unity.Tests;
 
 namespace Cairn.Unity.Tests
 {
-    /// <summary>What the declarations below report; set by the tests.</summary>
+    /// <summary>State of the engine that the classes below return. Tests set it.</summary>
     public static class EngineDouble
     {
         /// <summary>Names of the keys that are held, in either input system.</summary>

@@ -43,10 +43,7 @@ pub(super) struct Interface {
 
 impl Interface {
     pub(super) fn of(kind: GraphKind, precision: Precision, manifest: &Manifest) -> Self {
-        let f = match precision {
-            Precision::F32 => DataType::F32,
-            Precision::F16 => DataType::F16,
-        };
+        let f = DataType::from(precision);
         match kind {
             GraphKind::Transformer => transformer(f, manifest),
             GraphKind::Encoder => encoder(f, manifest),

@@ -47,6 +47,7 @@ pub(crate) use split_k::with_split_k;
 #[cfg(windows)]
 pub(crate) use weights::{Weight, weights_as_inputs};
 
+use crate::bundle::Precision;
 use crate::{Error, ErrorKind};
 
 /// Result of a check inside one model.
@@ -125,6 +126,15 @@ impl DataType {
             Self::U8 => 1,
             Self::I64 => 8,
             Self::F16 => 2,
+        }
+    }
+}
+
+impl From<Precision> for DataType {
+    fn from(precision: Precision) -> Self {
+        match precision {
+            Precision::F32 => Self::F32,
+            Precision::F16 => Self::F16,
         }
     }
 }

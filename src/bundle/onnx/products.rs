@@ -129,7 +129,7 @@ fn write_product(graph: &mut Vec<u8>, i: usize, fused: &Node<'_>, operands: &Ope
 #[cfg(test)]
 mod tests {
     use super::super::model_writer::value_info;
-    use super::super::split_k::tests::sizes_of;
+    use super::super::split_k::tests::with_sizes;
     use super::super::writer::write_int;
     use super::*;
     use crate::bundle::{Bundle, GraphKind, OpenOptions, Precision};
@@ -140,9 +140,10 @@ mod tests {
         for precision in Precision::ALL {
             let onnx = bundle.model(GraphKind::Transformer, precision).unwrap().onnx;
             let before = proto::model(onnx).unwrap().graph;
-            let sizes = sizes_of(&before, bundle.manifest().geometry.tokens as usize);
-            let sizes: Vec<_> = sizes.iter().map(|(name, dims)| (name.as_str(), dims.as_slice())).collect();
-            let written = without_fused_products(onnx, &sizes).unwrap().expect("products");
+            let tokens = bundle.manifest().geometry.tokens as usize;
+            let rewrite =
+                |onnx: &[u8]| with_sizes(&before, tokens, |sizes| without_fused_products(onnx, sizes)).unwrap();
+            let written = rewrite(onnx).expect("products");
             let after = proto::model(&written).unwrap().graph;
             let fused = before.nodes.iter().filter(|node| node.operator == FUSED).count();
             assert!(fused > 0 && after.nodes.iter().all(|node| node.operator != FUSED));
@@ -152,7 +153,7 @@ mod tests {
                 |graph: &Graph<'_>| graph.nodes.iter().map(|node| node.outputs[0].to_owned()).collect::<Vec<_>>();
             let kept: Vec<_> = outputs(&after).into_iter().filter(|name| !name.starts_with(PREFIX)).collect();
             assert_eq!(kept, outputs(&before), "{precision:?}");
-            assert_eq!(without_fused_products(&written, &sizes).unwrap(), None);
+            assert_eq!(rewrite(&written), None);
         }
     }
 

@@ -218,17 +218,23 @@ pub(super) mod tests {
         assert!(SplitMatMul::of(&Shape { element: DataType::F32, dims: vec![1, 256] }, &[256, 4], &wide).is_none());
     }
 
-    /// Sizes of a transformer's inputs and outputs with a past of two latents.
-    pub(in super::super) fn sizes_of(graph: &Graph<'_>, tokens: usize) -> Vec<(String, Vec<usize>)> {
-        let size = |value: &ValueInfo<'_>| {
+    /// Calls `with` with the sizes of a transformer's inputs and outputs, for a past of two latents.
+    pub(in super::super) fn with_sizes<T>(
+        graph: &Graph<'_>,
+        tokens: usize,
+        with: impl Fn(&[(&str, &[usize])]) -> T,
+    ) -> T {
+        let dims_of = |value: &ValueInfo<'_>| -> Vec<usize> {
             let dims = value.dims.iter().map(|dim| match dim {
                 proto::Dim::Number(n) => usize::try_from(*n).unwrap(),
                 proto::Dim::Symbol(name) => tokens * if name.ends_with("keys") { 3 } else { 2 },
                 proto::Dim::Unknown => panic!("{}", value.name),
             });
-            (value.name.to_owned(), dims.collect())
+            dims.collect()
         };
-        graph.inputs.iter().chain(&graph.outputs).map(size).collect()
+        let values = || graph.inputs.iter().chain(&graph.outputs);
+        let sizes: Vec<_> = values().map(dims_of).collect();
+        with(&values().zip(&sizes).map(|(value, dims)| (value.name, dims.as_slice())).collect::<Vec<_>>())
     }
 
     #[test]
@@ -237,9 +243,8 @@ pub(super) mod tests {
         for precision in Precision::ALL {
             let onnx = bundle.model(GraphKind::Transformer, precision).unwrap().onnx;
             let before = proto::model(onnx).unwrap().graph;
-            let sizes = sizes_of(&before, bundle.manifest().geometry.tokens as usize);
-            let sizes: Vec<_> = sizes.iter().map(|(name, dims)| (name.as_str(), dims.as_slice())).collect();
-            let written = with_split_k(onnx, &sizes).unwrap();
+            let tokens = bundle.manifest().geometry.tokens as usize;
+            let written = with_sizes(&before, tokens, |sizes| with_split_k(onnx, sizes)).unwrap();
             assert_eq!(written.is_some(), precision == Precision::F16);
             let Some(written) = written else { continue };
             let after = proto::model(&written).unwrap().graph;

@@ -93,7 +93,7 @@ pub struct RendererStatistics {
 /// Threads: any; one frame at a time, while another thread may prepare.
 pub struct Renderer {
     options: RendererOptions,
-    /// Held while what was prepared before is destroyed. Locked before `state`.
+    /// Held while the previous preparation is destroyed. Locked before `state`.
     replacing: Mutex<()>,
     state: Mutex<State>,
     /// Locked by the preparing thread. Keeps AMD's libraries loaded, so it must be dropped after everything that uses them.
@@ -202,7 +202,7 @@ impl Renderer {
 
     /// Replaces the preparation and drops the one before, without blocking recording; returns whether there was one.
     fn replace(&self, prepared: Option<Prepared>) -> bool {
-        // Until the earlier frames have released their targets: `release` must not return before.
+        // Held until the previous preparation's frames have released their targets, because `release` must not return before.
         let _replacing = self.replacing.lock();
         let mut state = self.state.lock();
         let Some(before) = std::mem::replace(&mut state.prepared, prepared) else { return false };

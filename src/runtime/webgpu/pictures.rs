@@ -103,10 +103,7 @@ impl PictureReader {
 /// byte of each number and 255 in the highest.
 fn model(Conversion { pictures, size: [height, width], precision, rows, columns }: &Conversion) -> Vec<u8> {
     let mut model = ModelWriter::default();
-    let element = match precision {
-        Precision::F32 => DataType::F32,
-        Precision::F16 => DataType::F16,
-    };
+    let element = DataType::from(*precision);
     model.input("planes", element, &[*pictures, 3, *height, *width]);
     model.input("index", DataType::I64, &[1]);
     model.node("Gather", &["planes", "index"], &["chosen"], &[("axis", 0)]);

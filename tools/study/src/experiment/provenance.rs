@@ -80,7 +80,7 @@ pub(crate) fn stamped(page: &str, world: Option<&str>) -> String {
     stamped_with(page, [(&Source::of_this_program(), world)])
 }
 
-/// `page`, with the commits, generators and worlds of what it shows stated below its title. A part whose manifest has no sources is unknown.
+/// Adds a line below the title of `page`: commits, generators and worlds of its parts. A part without sources in its manifest is unknown.
 pub(crate) fn stamped_with<'a>(
     page: &str,
     sources: impl IntoIterator<Item = (&'a Option<Source>, Option<&'a str>)>,
@@ -89,15 +89,15 @@ pub(crate) fn stamped_with<'a>(
     let sources: BTreeSet<(Source, Option<&str>)> =
         sources.into_iter().map(|(source, world)| (source.clone().unwrap_or_else(unknown), world)).collect();
     let part = |(Source { commit, generator }, world): &(Source, Option<&str>)| {
-        let world = world.map_or_else(String::new, |digest| format!("; {WORLD}{}`", shown(digest)));
+        let world = world.map_or_else(String::new, |digest| format!("; {WORLD}{}`", abbreviated(digest)));
         format!("{commit}; {DIGEST}{generator}`{world}")
     };
     let parts: Vec<String> = sources.iter().map(part).collect();
     with_line(page, &format!("{START}{}.*", parts.join("; and at commit ")))
 }
 
-/// What a page shows of a digest.
-fn shown(digest: &str) -> &str {
+/// The first digits of a digest, as pages print it.
+fn abbreviated(digest: &str) -> &str {
     digest.get(..DIGITS).unwrap_or(digest)
 }
 
@@ -189,7 +189,7 @@ fn digests<'a>(line: &'a str, start: &'static str) -> impl Iterator<Item = &'a s
 /// The end that a page's line should have: whether its generator and its world are still those of today.
 fn changes(line: &str, today: Today<'_>) -> String {
     let is_older = digests(line, DIGEST).any(|digest| digest != today.generator);
-    let is_other = digests(line, WORLD).any(|digest| digest != shown(today.world));
+    let is_other = digests(line, WORLD).any(|digest| digest != abbreviated(today.world));
     [(is_older, OLDER), (is_other, OTHER_WORLD)].iter().filter(|(is, _)| *is).map(|(_, words)| *words).collect()
 }
 
