@@ -68,6 +68,10 @@ pub(super) fn races(context: &Context<'_>, log: &mut Log) -> Result<Tally, Strin
     if !compiled || !log.run(&mut command)?.success {
         return Err("the program does not link with ThreadSanitizer".to_owned());
     }
+    let mut command = Command::new("ldd");
+    if !log.run(command.arg(&program))?.output.contains(&library.join("libcairn.so").display().to_string()) {
+        return Err("the program would load another library than the one made for ThreadSanitizer".to_owned());
+    }
     // ThreadSanitizer's shadow memory requires address space randomisation to be off.
     let mut command = Command::new("setarch");
     let options = format!("suppressions={} exitcode=66", root.join("tests/abi/tsan.supp").display());
