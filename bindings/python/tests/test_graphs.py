@@ -210,3 +210,50 @@ def test_manifest_matches_its_schema(tiny):
     broken = {**content, "surprise": 1}
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(broken, schema, cls=jsonschema.Draft202012Validator)
+
+
+LIMITS = [
+    (("rates", "latents_per_second"), 1000),
+    (("picture", "render", 0), 16_384),
+    (("geometry", "layers"), 512),
+    (("geometry", "width"), 65_536),
+    (("geometry", "heads"), 4096),
+    (("geometry", "kv_heads"), 4096),
+    (("geometry", "head_width"), 1024),
+    (("geometry", "mlp_ratio"), 64),
+    (("geometry", "latent", "channels"), 4096),
+    (("geometry", "patch", 1), 64),
+    (("geometry", "tokens"), 65_536),
+    (("geometry", "local", "window"), 65_536),
+    (("geometry", "global", "max_window"), 65_536),
+    (("geometry", "global", "dilation"), 4096),
+    (("geometry", "global", "period"), 4096),
+    (("geometry", "control_period"), 4096),
+    (("geometry", "autoencoder", "memories", 8, 2), 16_384),
+]
+"""Members of a manifest, with their largest value."""
+
+
+@pytest.mark.parametrize(("path", "limit"), LIMITS, ids=lambda value: ".".join(map(str, value)) if isinstance(value, tuple) else "")
+def test_the_schema_has_the_limits_of_the_specification(tiny, path, limit):
+    schema = jsonschema.Draft202012Validator(json.loads((ROOT / "docs" / "bundle.schema.json").read_text(encoding="utf-8")))
+    content = json.loads((tiny / "cairn-world.json").read_text(encoding="utf-8"))
+    *folders, member = path
+    place = content
+    for folder in folders:
+        place = place[folder]
+    step = 8 if member == "head_width" else 1
+    for value, allowed in ((limit, True), (limit + step, False), (0, False)):
+        place[member] = value
+        assert schema.is_valid(content) == allowed, value
+
+
+@pytest.mark.parametrize("name", ["nul", "a/Com1.bin", "a.", "a./b", "..", "a/../b", "CON/a", "/a", "a//b", "C:a", "ä"])
+def test_the_schema_refuses_names_that_no_bundle_may_have(tiny, name):
+    schema = jsonschema.Draft202012Validator(json.loads((ROOT / "docs" / "bundle.schema.json").read_text(encoding="utf-8")))
+    content = json.loads((tiny / "cairn-world.json").read_text(encoding="utf-8"))
+    for allowed in ("com10", "console.bin", "..a", "a..b", "weights.bin", "-"):
+        content["files"][0]["path"] = allowed
+        schema.validate(content)
+    content["files"][0]["path"] = name
+    assert not schema.is_valid(content)
