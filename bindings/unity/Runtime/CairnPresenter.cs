@@ -172,7 +172,9 @@ namespace Cairn.Unity
         }
 
         /// <summary>Takes an anchor on the world's thread, which also prepares frames of a new size.</summary>
-        internal void Push(Anchor anchor)
+        /// <param name="from">Its world. The presenter may have another by now, and takes no anchor of this one then.</param>
+        /// <param name="anchor">The anchor.</param>
+        internal void Push(CairnWorld from, Anchor anchor)
         {
             Presenter unprepared = null;
             Device with = null;
@@ -180,7 +182,7 @@ namespace Cairn.Unity
             int newHeight;
             lock (pushing)
             {
-                if (presenter == null) return;
+                if (presenter == null || !ReferenceEquals(from, enabledWorld)) return;
                 newWidth = width;
                 newHeight = height;
                 try
@@ -235,9 +237,9 @@ namespace Cairn.Unity
                 failed = "";
                 pushFailed = "";
                 missed = 0;
+                enabledWorld = world;
             }
             shownBefore = 0;
-            enabledWorld = world;
             enabledFormat = format;
             enabledOutput = output;
             enabledMultiplier = multiplier;

@@ -349,7 +349,7 @@ namespace Cairn.Unity
             CairnPresenter[] all;
             lock (presenters) all = presenters.ToArray();
             // Outside the lock: a presenter's first anchor compiles pipelines, and Unity's main thread must not wait for that.
-            foreach (CairnPresenter presenter in all) presenter.Push(anchor);
+            foreach (CairnPresenter presenter in all) presenter.Push(this, anchor);
         }
     }
 }

@@ -7,6 +7,7 @@ using System.Collections.Generic;
 using UnityEngine;
 #if CAIRN_BY_INPUT_SYSTEM
 using UnityEngine.InputSystem;
+using UnityEngine.InputSystem.Controls;
 using On = UnityEngine.InputSystem.Key;
 using Key = Cairn.Key;
 #elif CAIRN_BY_INPUT_MANAGER
@@ -80,7 +81,7 @@ namespace Cairn.Unity
             }
         }
 
-        /// <summary>Keys held, mouse movement in pixels, and wheel movement in notches.</summary>
+        /// <summary>Keys held, or pressed and released, since the last frame, mouse movement in pixels, and wheel movement in notches.</summary>
         internal static void Read(List<Key> held, out Vector2 mouse, out float wheel)
         {
             mouse = Vector2.zero;
@@ -90,27 +91,37 @@ namespace Cairn.Unity
             {
                 foreach (KeyValuePair<On, Key> pair in Known)
                 {
-                    if (keyboard[pair.Key].isPressed) held.Add(pair.Value);
+                    if (IsHeld(keyboard[pair.Key])) held.Add(pair.Value);
                 }
             }
             Mouse moved = Mouse.current;
             if (moved == null) return;
-            if (moved.leftButton.isPressed) held.Add(Key.MouseLeft);
-            if (moved.rightButton.isPressed) held.Add(Key.MouseRight);
-            if (moved.middleButton.isPressed) held.Add(Key.MouseMiddle);
+            if (IsHeld(moved.leftButton)) held.Add(Key.MouseLeft);
+            if (IsHeld(moved.rightButton)) held.Add(Key.MouseRight);
+            if (IsHeld(moved.middleButton)) held.Add(Key.MouseMiddle);
             mouse = moved.delta.ReadValue();
             wheel = moved.scroll.ReadValue().y / PerNotch;
+        }
+
+        /// <summary>
+        /// Whether a key is down, or was within this frame: pressed and released between two frames, it is up again by now. The Input System
+        /// tells the second only since version 1.9.
+        /// </summary>
+        private static bool IsHeld(ButtonControl key)
+        {
+            return key.isPressed || key.wasPressedThisFrame;
         }
 #elif CAIRN_BY_INPUT_MANAGER
         /// <summary>Pixels per unit of the Input Manager's mouse axes, at a new project's sensitivity of 0.1.</summary>
         private const float PixelsPerUnit = 20;
 
-        /// <summary>Keys held, mouse movement in pixels, and wheel movement in notches.</summary>
+        /// <summary>Keys held, or pressed and released, since the last frame, mouse movement in pixels, and wheel movement in notches.</summary>
         internal static void Read(List<Key> held, out Vector2 mouse, out float wheel)
         {
             foreach (KeyValuePair<On, Key> pair in Known)
             {
-                if (Input.GetKey(pair.Key)) held.Add(pair.Value);
+                // A key pressed and released between two frames is up again by now.
+                if (Input.GetKey(pair.Key) || Input.GetKeyDown(pair.Key)) held.Add(pair.Value);
             }
             mouse = new Vector2(Input.GetAxisRaw("Mouse X"), Input.GetAxisRaw("Mouse Y")) * PixelsPerUnit;
             wheel = Input.mouseScrollDelta.y;

@@ -33,6 +33,7 @@ namespace Cairn.Unity.Tests
         internal static void Frame(CairnInput input, string[] held, float x = 0, float y = 0, float wheel = 0)
         {
             EngineDouble.Held.Clear();
+            EngineDouble.Tapped.Clear();
             EngineDouble.Held.UnionWith(held);
             EngineDouble.Mouse = new Vector2(x, y);
             EngineDouble.Wheel = wheel;
@@ -85,6 +86,24 @@ namespace Cairn.Unity.Tests
             Frame(input, new[] { "W" });
             Frame(input, None);
             input.Send("OnDisable");
+            Holds(input);
+        }
+
+        [Test]
+        private static void AKeyTappedBetweenTwoFramesCounts()
+        {
+            var input = new CairnInput();
+            EngineDouble.Held.Clear();
+            EngineDouble.Tapped.UnionWith(new[] { "Space", "Mouse0" });
+#if CAIRN_INPUT_SYSTEM && !CAIRN_INPUT_SYSTEM_1_9
+            EngineDouble.TellsOfTaps = false;
+            input.Send("Update");
+            Holds(input);
+#else
+            input.Send("Update");
+            Frame(input, None);
+            Holds(input, Key.MouseLeft, Key.Space);
+#endif
             Holds(input);
         }
 

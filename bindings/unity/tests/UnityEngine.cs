@@ -14,6 +14,17 @@ namespace Cairn.Unity.Tests
         /// <summary>Names of the keys that are held, in either input system.</summary>
         public static readonly HashSet<string> Held = new HashSet<string>();
 
+        /// <summary>Names of the keys that went down since the last frame, whether or not they are still held.</summary>
+        public static readonly HashSet<string> Tapped = new HashSet<string>();
+
+        internal static bool WasPressed(string name)
+        {
+            return Tapped.Contains(name) && (TellsOfTaps || Held.Contains(name));
+        }
+
+        /// <summary>Whether the Input System, as since its version 1.9, tells that a key went down that is up again.</summary>
+        public static bool TellsOfTaps = true;
+
         /// <summary>Movement of the mouse in the current frame, in pixels.</summary>
         public static UnityEngine.Vector2 Mouse;
 
@@ -419,6 +430,11 @@ namespace UnityEngine
             return EngineDouble.Held.Contains(key.ToString());
         }
 
+        public static bool GetKeyDown(KeyCode key)
+        {
+            return EngineDouble.Tapped.Contains(key.ToString());
+        }
+
         public static float GetAxisRaw(string axisName)
         {
             // One unit is 20 pixels.
@@ -516,7 +532,15 @@ namespace UnityEngine.InputSystem
 
         public Controls.KeyControl this[Key key]
         {
-            get { return new Controls.KeyControl { isPressed = EngineDouble.Held.Contains(key.ToString()) }; }
+            get
+            {
+                string name = key.ToString();
+                return new Controls.KeyControl
+                {
+                    isPressed = EngineDouble.Held.Contains(name),
+                    wasPressedThisFrame = EngineDouble.WasPressed(name),
+                };
+            }
         }
     }
 
@@ -551,7 +575,11 @@ namespace UnityEngine.InputSystem
 
         private static Controls.ButtonControl Button(string name)
         {
-            return new Controls.ButtonControl { isPressed = EngineDouble.Held.Contains(name) };
+            return new Controls.ButtonControl
+            {
+                isPressed = EngineDouble.Held.Contains(name),
+                wasPressedThisFrame = EngineDouble.WasPressed(name),
+            };
         }
     }
 }
@@ -561,6 +589,7 @@ namespace UnityEngine.InputSystem.Controls
     public class ButtonControl
     {
         public bool isPressed { get; internal set; }
+        public bool wasPressedThisFrame { get; internal set; }
     }
 
     public class KeyControl : ButtonControl

@@ -110,7 +110,7 @@ pub(super) fn check(
             if name == COMPONENTS && is_compiled && !defines.is_empty() {
                 let references = [references.as_slice(), std::slice::from_ref(&out)].concat();
                 let (tests, failure) =
-                    compile(log, RUN, &TESTS.map(|file| workspace.root.join(file)), &references, &[], false)?;
+                    compile(log, RUN, &TESTS.map(|file| workspace.root.join(file)), &references, defines, false)?;
                 match failure {
                     Some(failure) => tally.failures.push(failure),
                     None => run_components(mono, log, &tests, defines, tally)?,
@@ -154,8 +154,6 @@ fn make_plugin(workspace: &Workspace, log: &mut Log, binding: &Path, work: &Path
 fn run_components(mono: &Mono, log: &mut Log, tests: &Path, defines: &[&str], tally: &mut Tally) -> Result<(), String> {
     let mut command = mono.program();
     command.arg("--debug").arg(tests).current_dir(tests.with_file_name("")).env_remove("CAIRN_LIBRARY");
-    // Cargo puts its folder there, whose library would be found before the one that has ONNX Runtime beside it.
-    command.env_remove("LD_LIBRARY_PATH");
     if defines != INPUTS[INPUTS.len() - 1] {
         command.arg("input");
     }
