@@ -289,7 +289,8 @@ namespace Cairn
         /// <param name="options">Settings; null for the defaults.</param>
         /// <exception cref="CairnException">
         /// <see cref="Result.RuntimeMissing"/> if ONNX Runtime or the provider's library is missing; <see cref="Result.Unsupported"/> if there
-        /// is no such adapter or the process already uses another one; <see cref="Result.InvalidArgument"/>; <see cref="Result.Device"/>.
+        /// is no such adapter, the process already uses another one, or the library is of another version than this assembly;
+        /// <see cref="Result.InvalidArgument"/>; <see cref="Result.Device"/>.
         /// </exception>
         public static Device Gpu(string adapter = null, DeviceOptions options = null)
         {
@@ -312,7 +313,9 @@ namespace Cairn
         /// </summary>
         /// <param name="refusals">A line for each better kind that was not taken, with the reason, for people.</param>
         /// <param name="options">Settings; null for the defaults.</param>
-        /// <exception cref="CairnException">As <see cref="Cpu"/>.</exception>
+        /// <exception cref="CairnException">
+        /// As <see cref="Cpu"/>, and <see cref="Result.Unsupported"/> if the library is of another version than this assembly.
+        /// </exception>
         public static Device Auto(out string refusals, DeviceOptions options = null)
         {
             // The call cannot be repeated for a longer text.

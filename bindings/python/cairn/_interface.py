@@ -1,6 +1,7 @@
 """`include/cairn.h` in ctypes: constants, structs, callbacks and functions, with the header's names without the prefix `cairn_`.
 
-The experimental chapters are left out, because they may change within a version of the interface. A test compares the rest with `abi.txt`.
+The experimental functions that the package uses are in `EXPERIMENTAL`: they may change within a version of the interface. The others are left out. A
+test compares all of it with `abi.txt`.
 """
 
 from __future__ import annotations
@@ -521,6 +522,9 @@ _text = c_char_p
 _length = POINTER(c_size_t)
 _count = POINTER(c_uint32)
 _ticket = POINTER(c_uint64)
+
+# Functions of a library of exactly this version.
+EXPERIMENTAL = frozenset({"device_create_gpu", "device_create_auto"})
 
 # Parameter types of every function. Each returns a result unless RETURNS says otherwise.
 FUNCTIONS: dict[str, tuple[Any, ...]] = {

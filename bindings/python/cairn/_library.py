@@ -13,7 +13,7 @@ from typing import Any
 
 from . import _interface as c
 from . import _library_file
-from .errors import Error, LibraryMissing, kind_of, refuse
+from .errors import Error, LibraryMissing, Unsupported, kind_of, refuse
 
 VARIABLE = "CAIRN_LIBRARY"
 """The environment variable with the path of the library; if it is set, no other path is searched."""
@@ -54,7 +54,7 @@ def find() -> Path:
 
 
 class Library:
-    """A loaded library: both versions are checked, and every function was found."""
+    """A loaded library: both versions are checked, and every function was found that it must have."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -74,7 +74,8 @@ class Library:
         if self.version < c.VERSION:
             cause = f"is version {version_text(self.version)}, older than the {version_text(c.VERSION)} this package was made for"
             raise _unusable(path, cause, "Use library and package of the same release")
-        self.functions = {name: self._resolve(loaded, name) for name in c.FUNCTIONS}
+        left_out = frozenset() if self.version == c.VERSION else c.EXPERIMENTAL
+        self.functions = {name: self._resolve(loaded, name) for name in c.FUNCTIONS if name not in left_out}
         for other in others:
             warnings.warn(
                 f"this process has another Cairn, {other}, besides {path}, which this package uses. They do not know each other's objects, "
@@ -82,6 +83,14 @@ class Library:
                 RuntimeWarning,
                 stacklevel=2,
             )
+
+    def function(self, name: str) -> Any:
+        """A function by its name. Raises `Unsupported` for an experimental one if the library is of another version than this package."""
+        if (function := self.functions.get(name)) is not None:
+            return function
+        cause = f"it is experimental, and the library is not of version {version_text(c.VERSION)}"
+        remedy = "Use library and package of the same release"
+        raise Unsupported(f"cairn_{name}: {cause}. {remedy}", function=f"cairn_{name}", cause=cause, remedy=remedy)
 
     def _resolve(self, loaded: ctypes.CDLL, name: str) -> Any:
         try:
@@ -117,8 +126,7 @@ def library() -> Library:
 
 def call(name: str, *arguments: Any) -> int:
     """Calls a function. Returns its result if that is not an error, otherwise raises the error."""
-    functions = library().functions
-    result: int = functions[name](*arguments)
+    result: int = library().function(name)(*arguments)
     if result < 0:
         raise last_error(result)
     return result

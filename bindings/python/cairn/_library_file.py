@@ -117,8 +117,8 @@ def _minimum_size(head: bytes) -> int:
     return end
 
 
-# ERROR_SYSTEM_INTEGRITY_POLICY_VIOLATION and that of Smart App Control, which refuse unsigned libraries.
-_BY_POLICY = (4550, 4551)
+# ERROR_SYSTEM_INTEGRITY_POLICY_VIOLATION, also that of Smart App Control: an unsigned library is refused.
+_BY_POLICY = 4551
 
 
 def explain_failure(why: OSError) -> tuple[str, str] | None:
@@ -131,7 +131,7 @@ def explain_failure(why: OSError) -> tuple[str, str] | None:
     if sys.platform.startswith("linux") and not _glibc():
         remedy = "Use a Linux with glibc, or build the library on this one"
         return f"is made for glibc, and this system has {_c_library()}: {message}", remedy
-    if sys.platform == "win32" and getattr(why, "winerror", None) in _BY_POLICY:
+    if sys.platform == "win32" and getattr(why, "winerror", None) == _BY_POLICY:
         remedy = "Ask whoever set the policy, or turn Smart App Control off: it lets no unsigned library of this name run"
         return f"is blocked by a policy of this Windows: {message}", remedy
     # ctypes gives no number for a library that needs another one.

@@ -191,7 +191,7 @@ class Device(Object):
         options = c.DeviceOptions(
             threads=threads, flags=flags, onnxruntime=_onnxruntime.library_path(onnxruntime), webgpu=_onnxruntime.webgpu_path(webgpu)
         )
-        refusals = create_string_buffer(4096)
+        refusals = create_string_buffer(1 << 16)
         with _onnxruntime.with_hints():
             device = cls(make("device_create_auto", byref(options), refusals, len(refusals), None))
         device.refusals = tuple(refusals.value.decode(errors="replace").splitlines())

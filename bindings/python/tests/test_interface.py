@@ -9,7 +9,7 @@ import pytest
 import cairn
 from cairn import _interface as c
 from cairn import _library, _library_file
-from cairn.errors import _KINDS
+from cairn.errors import _KINDS, Unsupported
 
 RECORD = (Path(__file__).parents[3] / "abi.txt").read_text(encoding="utf-8").splitlines()
 
@@ -89,6 +89,16 @@ def test_function_signatures_match_abi_txt():
         parameters = () if inside == "void" else tuple(parsed(part)[1] for part in inside.split(","))
         recorded[name_of(line)] = (parameters, parsed(head)[1])
     assert own == recorded
+    assert {name_of(line) for line in experimental} == c.EXPERIMENTAL
+
+
+def test_experimental_functions_of_another_version_are_not_called(monkeypatch):
+    monkeypatch.setattr(c, "VERSION", c.VERSION - 1)
+    newer = _library.Library(_library.find())
+    assert newer.function("device_create_cpu") is not None
+    for name in c.EXPERIMENTAL:
+        with pytest.raises(Unsupported, match=f"cairn_{name}: it is experimental"):
+            newer.function(name)
 
 
 def name_of(line: str) -> str:
