@@ -7,7 +7,7 @@ use half::f16;
 use super::check::opset;
 use super::model_writer::{attribute, node, tensor};
 use super::proto::{self, Attribute, Graph, Model, Node};
-use super::shape_inference::{infer_sizes, named_shapes};
+use super::shape_inference::{Input, infer_sizes, named_shapes};
 use super::wire::Fields;
 use super::writer::{reserved, with_graph, write_bytes};
 use super::{CheckResult, DataType, Fault, Shape, quoted};
@@ -56,13 +56,12 @@ fn fused_products<'a>(model: &'a Model<'a>, sizes: &[(&str, &[usize])]) -> Check
     let (inputs, outputs) = (named_shapes(&graph.inputs, sizes)?, named_shapes(&graph.outputs, sizes)?);
     let mut fused = Fused::new();
     fused.try_reserve(graph.nodes.len()).map_err(Fault::no_memory)?;
-    let rank_of_constant = |name: &str| graph.tensors.iter().find(|t| t.name == name).map(|tensor| tensor.dims.len());
-    let mut visitor = |node: &'a Node<'a>, shapes: &[Option<&Shape>], results: &[Shape]| {
+    let mut visitor = |node: &'a Node<'a>, inputs: &[Input<'_>], results: &[Shape]| {
         if node.operator == FUSED
-            && let ([_, right], [_, shape], [result]) = (&node.inputs[..], shapes, results)
-            && let Some(rank) = shape.map(|shape| shape.dims.len()).or_else(|| rank_of_constant(right))
+            && let ([_, right], [result]) = (inputs, results)
         {
-            fused.insert(node.outputs[0], Operands { element: result.element, rank });
+            let operands = Operands { element: result.element, rank: right.shape.dims.len() };
+            fused.insert(node.outputs[0], operands);
         }
     };
     infer_sizes(graph, opset(model)?, &inputs, &outputs, &mut visitor)?;
@@ -165,8 +164,15 @@ mod tests {
             let attributes = [attribute("transB", &[1], false), alpha(0.5)];
             let mut product = node(FUSED, "y", &["x", "w"], &["y"], &attributes);
             write_bytes(&mut product, 7, proto::CONTRIB.as_bytes());
+            // Weights of a float32 graph are stored in float16.
+            let is_cast = element == DataType::F32;
+            if is_cast {
+                let to_float32 = attribute("to", &[DataType::F32 as i64], false);
+                write_bytes(&mut graph, 1, &node("Cast", "w", &["stored"], &["w"], &[to_float32]));
+            }
             write_bytes(&mut graph, 1, &product);
-            write_bytes(&mut graph, 5, &tensor("w", element, &dims(4, 3), &vec![0; 12 * element.bytes() as usize]));
+            let stored = if is_cast { "stored" } else { "w" };
+            write_bytes(&mut graph, 5, &tensor(stored, DataType::F16, &dims(4, 3), &[0; 24]));
             write_bytes(&mut graph, 11, &value_info("x", element, &dims(2, 3)));
             write_bytes(&mut graph, 12, &value_info("y", element, &dims(2, 4)));
             write_int(&mut onnx, 1, 8);
@@ -181,12 +187,12 @@ mod tests {
             let sizes = sizes.each_ref().map(|(name, dims)| (*name, dims.as_slice()));
             let written = without_fused_products(&onnx, &sizes).unwrap().expect("a product");
             let after = proto::model(&written).unwrap().graph;
-            assert_eq!(
-                after.nodes.iter().map(|node| node.operator).collect::<Vec<_>>(),
-                ["Mul", "Transpose", "MatMul"]
-            );
+            let operators: Vec<_> = after.nodes.iter().map(|node| node.operator).collect();
+            assert_eq!(operators[usize::from(is_cast)..], ["Mul", "Transpose", "MatMul"]);
             let axes: &[i64] = if rank == 2 { &[1, 0] } else { &[0, 2, 1] };
-            assert!(matches!(&after.nodes[1].attributes[..], [("perm", Attribute::Ints(found))] if found == axes));
+            assert!(
+                matches!(&after.nodes[1 + usize::from(is_cast)].attributes[..], [("perm", Attribute::Ints(found))] if found == axes)
+            );
             let factor = after.tensors.iter().find(|tensor| tensor.name.starts_with(PREFIX)).unwrap();
             assert_eq!(factor.data_type, element as i64);
         }

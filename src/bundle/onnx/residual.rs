@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use super::operators::NBITS;
 use super::proto::Node;
+use super::shape_inference::Input;
 use super::{CheckResult, DataType, Fault, Shape, quoted};
 use crate::bundle::{Geometry, Residual};
 
@@ -24,8 +25,8 @@ impl<'a> ResidualStream<'a> {
         Self { dims, values: HashSet::from(["x"]), sums: Vec::new() }
     }
 
-    /// Reads the next node that runs. `inputs` has the shapes of its inputs, `None` for a constant.
-    pub(super) fn read(&mut self, node: &'a Node<'a>, inputs: &[Option<&Shape>], outputs: &[Shape]) {
+    /// Reads the next node that runs.
+    pub(super) fn read(&mut self, node: &'a Node<'a>, inputs: &[Input<'_>], outputs: &[Shape]) {
         let (Some(&first), Some(&output), Some(shape)) = (node.inputs.first(), node.outputs.first(), outputs.first())
         else {
             return;
@@ -41,7 +42,10 @@ impl<'a> ResidualStream<'a> {
         }
         self.values.insert(output);
         let has_dims = |shape: &Shape| shape.dims == self.dims;
-        if node.operator == "Add" && has_dims(shape) && inputs.iter().all(|input| input.is_some_and(has_dims)) {
+        if node.operator == "Add"
+            && has_dims(shape)
+            && inputs.iter().all(|input| !input.is_constant && has_dims(input.shape))
+        {
             self.sums.push((output, shape.element));
         }
     }

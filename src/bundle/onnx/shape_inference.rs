@@ -62,8 +62,16 @@ struct SizeInference<'a> {
 /// Names and shapes of inputs or outputs.
 pub(super) type Named<'a> = [(&'a str, Shape)];
 
-/// Gets each node that runs, in order, with the shapes of its inputs, `None` for a constant, and of its outputs.
-pub(super) type NodeVisitor<'r, 'a> = &'r mut dyn FnMut(&'a Node<'a>, &[Option<&Shape>], &[Shape]);
+/// An input of a node that runs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Input<'r> {
+    pub(super) shape: &'r Shape,
+    /// Whether it is an initializer, or is computed from initializers alone.
+    pub(super) is_constant: bool,
+}
+
+/// Gets each node that runs, in order, with its inputs and the shapes of its outputs.
+pub(super) type NodeVisitor<'r, 'a> = &'r mut dyn FnMut(&'a Node<'a>, &[Input<'_>], &[Shape]);
 
 /// Names and shapes of inputs or outputs, whose dimensions `sizes` has by name.
 pub(super) fn named_shapes<'a>(
@@ -158,9 +166,11 @@ impl<'a> SizeInference<'a> {
         }
         if !known {
             self.add_cost(node, &read, &shapes)?;
-            let is_made = |v: &usize| !matches!(self.values[*v].origin, Origin::Constant { .. });
-            let made = read.iter().map(|v| Some(&self.values[*v].shape).filter(|_| is_made(v)));
-            visitor(node, &made.collect::<Vec<_>>(), &shapes);
+            let input = |v: &usize| {
+                let Value { shape, origin, .. } = &self.values[*v];
+                Input { shape, is_constant: matches!(origin, Origin::Constant { .. }) }
+            };
+            visitor(node, &read.iter().map(input).collect::<Vec<_>>(), &shapes);
             if node.operator == NBITS
                 && let Some(product) = shapes.first()
             {

@@ -289,7 +289,7 @@ impl<'a> Splitting<'a> {
             }
         }
 
-        let positions = self.bytes_between();
+        let bytes = self.bytes_between();
         // The first node of all later layers, for each layer.
         let mut first = vec![nodes; layers];
         for layer in (0..layers.saturating_sub(1)).rev() {
@@ -300,7 +300,7 @@ impl<'a> Splitting<'a> {
             last = last.max(touched[layer].map(|(_, last)| last));
             let (earliest, latest) = (last.map_or(0, |last| last + 1), first[layer]);
             let places = (earliest..=latest).filter(|&at| starts.last().is_some_and(|&start| start < at) && at < nodes);
-            starts.extend(places.min_by_key(|&at| (positions[at], std::cmp::Reverse(at))));
+            starts.extend(places.min_by_key(|&at| (bytes[at], std::cmp::Reverse(at))));
         }
         Ok(starts)
     }
@@ -401,7 +401,7 @@ impl<'a> Splitting<'a> {
                     Value { output: Some(at), .. } => Some(SliceTensor::Output(at)),
                     _ => {
                         let at = positions.get(&value).copied();
-                        let at = at.ok_or_else(|| Fault::new(format!("{} no earlier slice makes", quoted(name))))?;
+                        let at = at.ok_or_else(|| Fault::new(format!("no earlier slice makes {}", quoted(name))))?;
                         list[at].slices.1 = slice;
                         Some(SliceTensor::Intermediate(at))
                     }

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use super::check::opset;
 use super::model_writer::{attribute, node, tensor};
 use super::proto::{self, Graph, Node};
-use super::shape_inference::{infer_sizes, named_shapes, tensor_shape};
+use super::shape_inference::{Input, infer_sizes, named_shapes, tensor_shape};
 use super::wire::Fields;
 use super::writer::{reserved, with_graph, write_bytes, write_int};
 use super::{CheckResult, DataType, Fault, Shape};
@@ -54,9 +54,9 @@ fn rewrite(onnx: &[u8], sizes: &[(&str, &[usize])]) -> CheckResult<Option<Vec<u8
     let (inputs, outputs) = (inputs?, outputs?);
     let mut products = Splits::new();
     products.try_reserve(weights.len()).map_err(Fault::no_memory)?;
-    let mut visitor = |node: &Node<'_>, shapes: &[Option<&Shape>], results: &[Shape]| {
-        if let (true, [_, name], [Some(left), None], [result]) =
-            (node.operator == "MatMul", &node.inputs[..], shapes, results)
+    let mut visitor = |node: &Node<'_>, inputs: &[Input<'_>], results: &[Shape]| {
+        if let (true, [_, name], [Input { shape: left, is_constant: false }, _], [result]) =
+            (node.operator == "MatMul", &node.inputs[..], inputs, results)
             && let Some((&name, dims)) = weights.get_key_value::<str>(name)
             && let Some(product) = SplitMatMul::of(left, dims, result)
         {
