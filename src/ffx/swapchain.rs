@@ -274,7 +274,7 @@ impl Swapchain {
     ///
     /// # Errors
     /// `InvalidArgument` with the field, before anything is recorded, for input on which a provider would fail, hang or crash.
-    /// `InvalidState` if the buffers were resized without a call of [`fit`](Self::fit). The library's own errors, after which the
+    /// `InvalidState` if the buffers have another size or format and [`fit`](Self::fit) has not succeeded since. The library's own errors, after which the
     /// list may hold part of the work.
     pub fn prepare(
         &mut self,
@@ -284,11 +284,19 @@ impl Swapchain {
     ) -> Result<()> {
         check_list(&self.gpu, list)?;
         let made = *self.generator.as_ref().ok_or_else(no_generator)?.creation();
-        let size = self.size()?;
+        let (size, format) = self.buffers()?;
+        let changed = |why| {
+            Err(Error::new(ErrorKind::InvalidState, why).field("swapchain").remedy("Call fit after ResizeBuffers"))
+        };
         if !same_size(size, made.display_size) {
             let (of, now) = (made.display_size, size);
-            let why = format!("it was {} x {} pixels and is {} x {}", of.width, of.height, now.width, now.height);
-            return Err(Error::new(ErrorKind::InvalidState, why).field("swapchain").remedy("Call fit after a resize"));
+            return changed(format!(
+                "it was {} x {} pixels and is {} x {}",
+                of.width, of.height, now.width, now.height
+            ));
+        }
+        if format != made.back_buffer_format {
+            return changed("its buffers have another format now".to_owned());
         }
         const INPUT: ResourceState = ResourceState::COMPUTE_READ;
         let check_and_describe = |given: &ResourceWithState<'_>, size, field: &str, state| {
@@ -414,7 +422,7 @@ impl Swapchain {
     fn checked_interface(&self, interface: &Interface<'_>) -> Result<HeldInterface> {
         let refuse = |why: &str| Err(Error::new(ErrorKind::InvalidArgument, why).field("interface"));
         let Interface { picture: given, premultiplied, copied } = interface;
-        let size = self.size()?;
+        let (size, _) = self.buffers()?;
         picture(&self.gpu, given, size, "interface")?;
         let Some(state) = ResourceState::from_d3d12(given.state.0.cast_unsigned()) else {
             return refuse("AMD's swap chain has no word for its state");
@@ -486,11 +494,10 @@ impl Swapchain {
     /// # Errors
     /// As [`new`](Self::new), for the generator.
     pub fn fit(&mut self) -> Result<()> {
-        let size = self.size()?;
+        let (size, format) = self.buffers()?;
         if self.interface.as_ref().is_some_and(|held| !same_size(held.size, size)) {
             self.set_interface(None)?;
         }
-        let format = SurfaceFormat::from_dxgi(self.description()?.Format.0.cast_unsigned());
         let fits =
             |made: &CreateFrameGeneration| same_size(made.display_size, size) && made.back_buffer_format == format;
         if self.generator.as_ref().is_some_and(|generator| fits(generator.creation())) {
@@ -528,10 +535,10 @@ impl Swapchain {
         unsafe { self.swapchain.GetDesc1() }.map_err(|e| failed_on(self.gpu.device(), "IDXGISwapChain1::GetDesc1", &e))
     }
 
-    /// The size of the back buffers.
-    fn size(&self) -> Result<Dimensions> {
-        let DXGI_SWAP_CHAIN_DESC1 { Width: width, Height: height, .. } = self.description()?;
-        Ok(Dimensions { width, height })
+    /// Size and format of the back buffers.
+    fn buffers(&self) -> Result<(Dimensions, SurfaceFormat)> {
+        let DXGI_SWAP_CHAIN_DESC1 { Width: width, Height: height, Format: format, .. } = self.description()?;
+        Ok((Dimensions { width, height }, SurfaceFormat::from_dxgi(format.0.cast_unsigned())))
     }
 }
 

@@ -119,6 +119,20 @@ impl WindowedEngine {
         Ok(Self { swapchain, textures: panning(&gpu, SIZE), gpu, _window: window, frames: 0 })
     }
 
+    /// Prepares a frame that is not presented.
+    fn prepare(&mut self) -> cairn::Result<()> {
+        let Self { swapchain, textures, gpu, .. } = self;
+        let depth_and_motion = FrameTextures {
+            depth: textures.depth.with_state(),
+            motion: textures.motion.with_state(),
+            hudless: None,
+            distortion: None,
+        };
+        let mut prepared = Ok(());
+        run_list(gpu, |list| prepared = swapchain.prepare(list, &depth_and_motion, &FrameParams::of(SIZE)));
+        prepared
+    }
+
     /// Draws the next frame, prepares it if `is_prepared`, and presents it.
     fn frame(&mut self, is_prepared: bool) -> cairn::Result<()> {
         self.frame_with(is_prepared, &ExtraInputs::default())

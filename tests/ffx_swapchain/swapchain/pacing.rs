@@ -331,9 +331,17 @@ pub(super) fn a_generator_that_cannot_be_turned_off_stays() {
     let (double, library) = set_up_double(&["sdk 2.1", ML, "refusing"]);
     let mut show = WindowedEngine::new(How::ForWindow, &library).expect("a swap chain");
     (0..2).for_each(|_| show.frame(true).expect("presented"));
-    // SAFETY: a live swap chain whose buffers nobody holds.
-    unsafe { show.swapchain.dxgi().ResizeBuffers(3, 160, 80, DXGI_FORMAT_UNKNOWN, DXGI_SWAP_CHAIN_FLAG(0)) }
-        .expect("resized");
+    let resize = |show: &WindowedEngine, (width, height), format| {
+        // SAFETY: a live swap chain whose buffers nobody holds.
+        unsafe { show.swapchain.dxgi().ResizeBuffers(3, width, height, format, DXGI_SWAP_CHAIN_FLAG(0)) }
+            .expect("resized");
+    };
+    resize(&show, (SIZE.width, SIZE.height), DXGI_FORMAT_R10G10B10A2_UNORM);
+    double.reject_calls(0x2_0002, 3);
+    show.swapchain.fit().expect_err("generation is not off");
+    double.accept_calls();
+    assert_eq!(show.prepare().expect_err("it is of another format").kind(), ErrorKind::InvalidState);
+    resize(&show, (160, 80), DXGI_FORMAT_R8G8B8A8_UNORM);
     for id in [0x2_0002, 0x3_0007] {
         double.reject_calls(id, 3);
         show.swapchain.fit().expect_err("generation is not off");
