@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 #[cfg(windows)]
 pub use windows_files::FileVersion;
 #[cfg(windows)]
-pub(crate) use windows_files::{load_refusal, wide};
+pub(crate) use windows_files::{load, load_refusal, wide};
 
 /// Where ONNX Runtime and AMD's libraries are searched for. The default suits a game: the folder of this library, then the program's,
 /// and nowhere else, so that only whoever installed the game decides which code runs in it.

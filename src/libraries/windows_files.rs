@@ -1,4 +1,4 @@
-//! Library files on Windows: their versions, and why one is not loaded.
+//! Library files on Windows: their versions, how they are loaded, and why one is not.
 
 use std::fmt;
 use std::fs::File;
@@ -8,9 +8,13 @@ use std::path::Path;
 
 use windows::Win32::Foundation::{
     ERROR_ACCESS_DENIED, ERROR_BAD_EXE_FORMAT, ERROR_DLL_INIT_FAILED, ERROR_MOD_NOT_FOUND, ERROR_PROC_NOT_FOUND,
+    HMODULE,
 };
 use windows::Win32::Storage::FileSystem::{
     GetFileVersionInfoSizeW, GetFileVersionInfoW, VS_FIXEDFILEINFO, VerQueryValueW,
+};
+use windows::Win32::System::LibraryLoader::{
+    LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR, LOAD_LIBRARY_SEARCH_SYSTEM32, LoadLibraryExW,
 };
 use windows::core::{HRESULT, PCWSTR, w};
 
@@ -76,10 +80,22 @@ fn other_machine(path: &Path) -> Option<String> {
     }
 }
 
+/// Loads a library. Its dependencies are searched beside it and in the system directory, and neither beside the program, in the working directory nor
+/// along the PATH.
+///
+/// # Safety
+/// Runs the library's initialisers: the caller trusts the file.
+pub(crate) unsafe fn load(path: &Path) -> windows::core::Result<HMODULE> {
+    let name = wide(path);
+    let search = LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR | LOAD_LIBRARY_SEARCH_SYSTEM32;
+    // SAFETY: a NUL-terminated path; the caller trusts the file.
+    unsafe { LoadLibraryExW(PCWSTR(name.as_ptr()), None, search) }
+}
+
 /// Why Windows does not load a library, by the error's code, and what to do. `another_file` is the advice for a file that is wrong itself.
 pub(crate) fn load_refusal(path: &Path, code: HRESULT, another_file: &'static str) -> (String, &'static str) {
-    /// ERROR_SYSTEM_INTEGRITY_POLICY_VIOLATION and that of Smart App Control, which refuse unsigned files.
-    const BY_POLICY: [u32; 2] = [4550, 4551];
+    /// ERROR_SYSTEM_INTEGRITY_POLICY_VIOLATION, also that of Smart App Control: an unsigned file is refused.
+    const BY_POLICY: u32 = 4551;
 
     if let Some(machine) = other_machine(path) {
         return (format!("it is made for {machine}, and this process is of 64-bit x86"), another_file);
@@ -99,7 +115,7 @@ pub(crate) fn load_refusal(path: &Path, code: HRESULT, another_file: &'static st
     if let Some((_, why, remedy)) = known.into_iter().find(|(error, ..)| error.to_hresult() == code) {
         return (format!("{why} ({:#010x})", code.0), remedy);
     }
-    if BY_POLICY.into_iter().any(|error| HRESULT::from_win32(error) == code) {
+    if code == HRESULT::from_win32(BY_POLICY) {
         let remedy = "Windows lets no unsigned library of this name run here: ask whoever set the policy, or turn Smart App Control off";
         return (format!("a policy of this Windows blocks it ({:#010x})", code.0), remedy);
     }

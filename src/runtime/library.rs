@@ -227,31 +227,27 @@ impl CheckedLibrary {
     }
 }
 
-/// Loads a library. Its dependencies are searched beside it and in the system directory, and neither beside the program, in the
-/// working directory nor along the PATH.
+/// Loads a library.
 #[cfg(windows)]
 fn open(path: &Path) -> Result<libloading::Library> {
-    use libloading::os::windows::{LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR, LOAD_LIBRARY_SEARCH_SYSTEM32, Library};
-
-    let search = LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR | LOAD_LIBRARY_SEARCH_SYSTEM32;
-    // SAFETY: runs the initialisers of a library the caller named as ONNX Runtime; that trust is the caller's.
-    unsafe { Library::load_with_flags(path, search) }.map(Into::into).map_err(|e| refused(path, &e))
+    // Not through `libloading`, whose error does not give the system's code.
+    // SAFETY: the caller named the library as ONNX Runtime; that trust is the caller's.
+    let module = unsafe { crate::libraries::load(path) }.map_err(|e| refused(path, e.code()))?;
+    // SAFETY: the handle of a library that was loaded above, which nothing else frees.
+    Ok(unsafe { libloading::os::windows::Library::from_raw(module.0.expose_provenance().cast_signed()) }.into())
 }
 
-/// The error for a library that Windows does not load: the error's own text has no code.
+/// The error for a library that Windows does not load.
 #[cfg(windows)]
-fn refused(path: &Path, error: &libloading::Error) -> Error {
-    use std::error::Error as _;
-
+fn refused(path: &Path, code: windows::core::HRESULT) -> Error {
     use super::module;
     use crate::libraries::FileVersion;
-    use windows::core::{HRESULT, w};
+    use windows::core::w;
 
     /// The C++ runtime from which on a mutex needs no call to be made, as the mutexes of ONNX Runtime 1.24 expect.
     const OLDEST_RUNTIME: FileVersion = FileVersion([14, 40, 0, 0]);
 
-    let code = error.source().and_then(|e| e.downcast_ref::<std::io::Error>()?.raw_os_error()).unwrap_or_default();
-    let (mut cause, mut remedy) = load_refusal(path, HRESULT::from_win32(code.cast_unsigned()), REMEDY);
+    let (mut cause, mut remedy) = load_refusal(path, code, REMEDY);
     // The first one of this name serves the whole process.
     let loaded = module::loaded(w!("MSVCP140.dll"));
     let old = loaded.filter(|runtime| FileVersion::read(&runtime.path).is_some_and(|found| found < OLDEST_RUNTIME));

@@ -7,14 +7,12 @@ use windows::Win32::AI::MachineLearning::DirectML::{
     DML_CREATE_DEVICE_FLAG_NONE, DML_CREATE_DEVICE_FLAGS, DML_FEATURE_LEVEL, DML_FEATURE_LEVEL_5_0, IDMLDevice,
 };
 use windows::Win32::Foundation::HMODULE;
-use windows::Win32::System::LibraryLoader::{
-    GetProcAddress, LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR, LOAD_LIBRARY_SEARCH_SYSTEM32, LoadLibraryExW,
-};
-use windows::core::{GUID, HRESULT, Interface, PCWSTR, s};
+use windows::Win32::System::LibraryLoader::GetProcAddress;
+use windows::core::{GUID, HRESULT, Interface, s};
 
 use super::unsupported;
 use crate::gpu::Gpu;
-use crate::libraries::{load_refusal, wide};
+use crate::libraries::{self, load_refusal};
 use crate::runtime::Ort;
 use crate::{Error, ErrorKind, Result};
 
@@ -34,10 +32,8 @@ pub(super) fn load(ort: &Ort) -> Result<DirectMlLibrary> {
     if !path.is_file() {
         return Err(missing("DirectML's library is not there".to_owned(), REMEDY));
     }
-    let name = wide(&path);
-    let search = LOAD_LIBRARY_SEARCH_DLL_LOAD_DIR | LOAD_LIBRARY_SEARCH_SYSTEM32;
-    // SAFETY: a NUL-terminated path. Runs the initialisers of a library beside the one that the caller named, and so trusts.
-    let module = unsafe { LoadLibraryExW(PCWSTR(name.as_ptr()), None, search) }.map_err(|e| {
+    // SAFETY: a library beside the one that the caller named, and so trusts.
+    let module = unsafe { libraries::load(&path) }.map_err(|e| {
         let (cause, remedy) = load_refusal(&path, e.code(), REMEDY);
         missing(format!("DirectML's library cannot be loaded: {cause}"), remedy)
     })?;

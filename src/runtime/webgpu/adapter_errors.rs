@@ -51,7 +51,9 @@ pub(super) fn call_provider<T>(call: impl FnOnce() -> Result<T>) -> Result<T> {
     if done.as_ref().is_err_and(|error| error.cause().contains(FAILED_WAIT)) {
         WAIT_FAILED.store(true, Ordering::Relaxed);
     }
-    match (done, FOUND.lock().take()) {
+    // Not in the match, where it would be locked while a result is dropped, of which the provider may log an error.
+    let found = FOUND.lock().take();
+    match (done, found) {
         (Err(error), _) if error.kind() == ErrorKind::DeviceRemoved => Err(error),
         (_, Some(error)) => Err(error),
         (done, None) => done,
