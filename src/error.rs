@@ -12,6 +12,18 @@ pub(crate) fn panic_text(payload: &(dyn Any + Send)) -> Option<&str> {
     payload.downcast_ref::<String>().map(String::as_str).or_else(|| payload.downcast_ref().copied())
 }
 
+/// A message about text of a file that may hold anything: its control characters are escaped.
+pub(crate) fn printable(text: &str) -> String {
+    text.chars().fold(String::with_capacity(text.len()), |mut printable, letter| {
+        if letter.is_control() {
+            printable.extend(letter.escape_default())
+        } else {
+            printable.push(letter)
+        }
+        printable
+    })
+}
+
 /// Runs `work`. A panic in it is logged and becomes an error of kind [`ErrorKind::Internal`].
 pub(crate) fn catch_panic<T, E: From<Error>>(work: impl FnOnce() -> Result<T, E>) -> Result<T, E> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {

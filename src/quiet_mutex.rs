@@ -2,6 +2,7 @@
 //! needs, the thread would wait for itself.
 
 use std::cell::RefCell;
+use std::mem::ManuallyDrop;
 use std::ops::{Deref, DerefMut};
 
 use crate::locks::{Mutex, MutexGuard};
@@ -43,7 +44,6 @@ impl<T> DerefMut for QuietGuard<'_, T> {
 }
 
 /// The messages of a thread that wait.
-#[derive(Default)]
 struct Delayed {
     /// How many locks of this kind it holds.
     locks: usize,
@@ -57,14 +57,16 @@ struct Message {
 }
 
 thread_local! {
-    static DELAYED: RefCell<Delayed> = RefCell::default();
+    // Without a destructor, which would keep the library loaded until the thread ends. No message stays in it, so nothing leaks.
+    static DELAYED: ManuallyDrop<RefCell<Delayed>> =
+        const { ManuallyDrop::new(RefCell::new(Delayed { locks: 0, messages: Vec::new() })) };
 }
 
-/// Delays the messages of this thread.
-struct Delay(());
+/// Delays the messages of this thread until it is dropped, for locks of other kinds.
+pub(crate) struct Delay(());
 
 impl Delay {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         _ = DELAYED.try_with(|delayed| delayed.borrow_mut().locks += 1);
         Self(())
     }
@@ -86,7 +88,7 @@ impl Drop for Delay {
 
 /// Delays a message if this thread holds such a lock: it is logged again when the last one is released. Returns whether it is delayed.
 pub(crate) fn delays(record: &log::Record<'_>) -> bool {
-    let delay = |delayed: &RefCell<Delayed>| {
+    let delay = |delayed: &ManuallyDrop<RefCell<Delayed>>| {
         let mut delayed = delayed.borrow_mut();
         if delayed.locks > 0 {
             let (target, text) = (record.target().to_owned(), record.args().to_string());

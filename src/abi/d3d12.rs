@@ -532,7 +532,12 @@ pub unsafe extern "C" fn cairn_presenter_submit_d3d12(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_presenter_release_d3d12(presenter: *mut cairn_presenter) -> cairn_result {
     call("cairn_presenter_release_d3d12", || {
-        backend::release(&enter_exclusive(presenter)?.renderer)?;
+        let object = enter_exclusive(presenter)?;
+        // In a callback of a preparation, which holds what the release waits for.
+        if object.is_nested() {
+            return Err(in_use());
+        }
+        backend::release(&object.renderer)?;
         Ok(CAIRN_OK)
     })
 }

@@ -154,10 +154,16 @@ fn rename(from: &Path, to: &Path) -> std::io::Result<()> {
     loop {
         left -= 1;
         match fs::rename(from, to) {
-            Err(e) if left > 0 && e.kind() == std::io::ErrorKind::PermissionDenied => std::thread::sleep(RENAME_PAUSE),
+            Err(e) if left > 0 && is_in_use(&e) && !to.is_dir() => std::thread::sleep(RENAME_PAUSE),
             ended => return ended,
         }
     }
+}
+
+/// Whether Windows gives this error for a file that somebody else has open.
+fn is_in_use(error: &std::io::Error) -> bool {
+    const ERROR_SHARING_VIOLATION: i32 = 32;
+    error.kind() == std::io::ErrorKind::PermissionDenied || error.raw_os_error() == Some(ERROR_SHARING_VIOLATION)
 }
 
 /// Reads a file of at most `max_bytes`.
@@ -184,7 +190,8 @@ fn io_failure(path: &Path, error: &std::io::Error) -> Failure {
     Failure::new(CAIRN_ERROR_IO, error.to_string()).field(path.display().to_string())
 }
 
-#[cfg(test)]
+// Miri runs the tests of this module's neighbours without files and processes.
+#[cfg(all(test, not(miri)))]
 mod tests {
     use super::*;
 

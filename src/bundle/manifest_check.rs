@@ -8,6 +8,7 @@ use serde::Deserialize;
 
 use super::manifest::{Geometry, Manifest, Quantisation, SCHEMA_VERSION};
 use super::{MANIFEST_NAME, invalid, names};
+use crate::error::printable;
 use crate::picture::MAX_SIDE;
 use crate::{Error, ErrorKind, Result};
 
@@ -76,8 +77,8 @@ fn check_version(bytes: &[u8]) -> Result<()> {
 /// Field name for a JSON error: serde reports a missing or unknown member under its parent's path.
 fn json_fault(error: &serde_path_to_error::Error<serde_json::Error>) -> Error {
     // Names of members are the file's, and may hold anything.
-    let message = error.inner().to_string().escape_debug().to_string();
-    let path = error.path().to_string().escape_debug().to_string();
+    let message = printable(&error.inner().to_string());
+    let path = printable(&error.path().to_string());
     let mut field = if path == "." { String::new() } else { path };
     if let Some(member) = message.strip_prefix("missing field `").and_then(|rest| rest.split('`').next()) {
         if !field.is_empty() {

@@ -7,7 +7,7 @@ use crate::{Error, ErrorKind, Result};
 /// Maximum mouse motion of one latent step, in counts, on either axis and in either direction.
 pub const MAX_MOUSE: f32 = 32_768.0;
 
-/// ControlCounts of one latent step, always valid: mouse motion in raw counts summed over the step, keys held in it, and
+/// Controls of one latent step, always valid: mouse motion in raw counts summed over the step, keys held in it, and
 /// the sign of the wheel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ControlInput {

@@ -19,6 +19,7 @@ use super::rollout::Rollout;
 use super::statistics::{Statistics, StepInfo};
 use super::world::World;
 use crate::error::catch_panic;
+use crate::quiet_mutex::Delay;
 #[cfg(windows)]
 use crate::runtime::CaptureStatistics;
 use crate::tasks::calling_thread;
@@ -80,6 +81,8 @@ pub struct QueuedRollout {
 pub struct ReadGuard<'a> {
     rollout: ManuallyDrop<MutexGuard<'a, QueuedRollout>>,
     shared: &'a Shared,
+    /// Messages reach the host's callback once other calls need not wait for this one any more.
+    _delay: Delay,
 }
 
 impl Deref for ReadGuard<'_> {
@@ -214,7 +217,8 @@ impl Worker {
         loop {
             if let Some(rollout) = self.shared.rollout.try_lock() {
                 queue.readers += 1;
-                return Ok(ReadGuard { rollout: ManuallyDrop::new(rollout), shared: &self.shared });
+                let rollout = ManuallyDrop::new(rollout);
+                return Ok(ReadGuard { rollout, shared: &self.shared, _delay: Delay::new() });
             }
             if is_nested || queue.readers == 0 {
                 return Err(busy("a step is running"));
@@ -473,9 +477,11 @@ impl Shared {
             }
             if std::mem::take(&mut queue.rest_requested) {
                 queue.readers += 1;
+                let delay = Delay::new();
                 MutexGuard::unlocked(&mut queue, || self.rest());
                 queue.readers -= 1;
                 self.changed.notify_all();
+                MutexGuard::unlocked(&mut queue, || drop(delay));
                 continue;
             }
             self.changed.wait(&mut queue);

@@ -19,6 +19,7 @@ use sha2::{Digest, Sha256};
 use super::Rollout;
 use super::limits::Limits;
 use crate::bundle::Precision;
+use crate::error::printable;
 use crate::world::operating_point::OperatingPoint;
 use crate::world::plan::Planner;
 use crate::{Error, ErrorKind, Result};
@@ -103,7 +104,7 @@ impl Rollout {
     pub fn restore(&mut self, state: &[u8]) -> Result<()> {
         let (head, planner_state, payload) = split(state)?;
         let head: Head = serde_json::from_slice(head)
-            .map_err(|e| damaged(&format!("its head is not valid: {}", e.to_string().escape_debug())))?;
+            .map_err(|e| damaged(&format!("its head is not valid: {}", printable(&e.to_string()))))?;
         let own = self.head();
         for (field, found, expected) in
             [("bundle", &head.bundle, &own.bundle), ("precision", &head.precision, &own.precision)]

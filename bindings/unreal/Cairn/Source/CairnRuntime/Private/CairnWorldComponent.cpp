@@ -89,7 +89,7 @@ namespace
 				Colours.Add(One.ToFColor(true));
 			}
 		}
-		else if (Resource != nullptr && (Format == PF_B8G8R8A8 || Format == PF_R8G8B8A8))
+		else if (Resource != nullptr && (Format == PF_B8G8R8A8 || Format == PF_R8G8B8A8 || Format == PF_A2B10G10R10))
 		{
 			bRead = Resource->ReadPixels(Colours);
 		}
@@ -133,7 +133,7 @@ void UCairnWorldComponent::Start()
 	{
 		if (!ReadTarget(SeedTarget, Settings.Picture))
 		{
-			Wrong = TEXT("Cairn: SeedTarget cannot be read. Give it the format RTF RGBA8, RGBA8 SRGB or RGBA16f, and draw into it before the component starts");
+			Wrong = TEXT("Cairn: SeedTarget cannot be read. Give it the format RTF RGBA8, RGBA8 SRGB, RGB10A2 or RGBA16f, and draw into it before the component starts");
 		}
 	}
 	else
@@ -187,8 +187,8 @@ void UCairnWorldComponent::AppendRenderTarget(UTextureRenderTarget2D* Picture)
 	{
 		UE_LOG(
 			LogCairn, Warning,
-			TEXT("Cairn: the picture of AppendRenderTarget cannot be read, and the world goes on without it. Give it the format RTF RGBA8, RGBA8 SRGB or "
-				 "RGBA16f, and draw into it before"));
+			TEXT("Cairn: the picture of AppendRenderTarget cannot be read, and the world goes on without it. Give it the format RTF RGBA8, RGBA8 SRGB, "
+				 "RGB10A2 or RGBA16f, and draw into it before"));
 		return;
 	}
 	Stream->Append(MoveTemp(Read));

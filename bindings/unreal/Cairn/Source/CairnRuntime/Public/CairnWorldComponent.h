@@ -52,8 +52,8 @@ public:
 	FFilePath SeedPicture;
 
 	/**
-	 * Render target whose content when the component starts is the seed picture, for example that of a scene capture: RTF RGBA8 SRGB, RGBA8, or
-	 * RGBA16f, which has linear light that is cut off above 1.
+	 * Render target whose content when the component starts is the seed picture, for example that of a scene capture: RTF RGBA8 SRGB, RGBA8,
+	 * RGB10A2, or RGBA16f, which has linear light that is cut off above 1.
 	 */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Cairn|World")
 	TObjectPtr<UTextureRenderTarget2D> SeedTarget;
