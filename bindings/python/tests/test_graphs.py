@@ -9,8 +9,11 @@ import onnx
 import pytest
 from conftest import ROOT, TINY, relative, session
 
-from cairn.build import PRESETS, table, transformer
+from cairn.build import PRESETS, build_bundle, table, transformer
+from cairn.build.cli import main
 from cairn.build.graph import OPERATORS
+from cairn.build.manifest import Licence
+from cairn.build.random_weights import RandomWeights
 from cairn.build.weights import file_size, parameter_count
 from cairn.build.writer import build_graphs, layouts
 
@@ -55,6 +58,94 @@ def expected(g, precision):
             [("rgb", F, clip), *((f"present_mem.{j}", F, m) for j, m in enumerate(memories))],
         ),
     }
+
+
+def expected_joined(g, precision):
+    """The same for the joined graph."""
+    inputs, outputs = expected(g, precision)["transformer"]
+    two = {
+        "sigma": [2],
+        "rope_cos": [1, 1, 2 * g.tokens, g.head_width // 2],
+        "rope_sin": [1, 1, 2 * g.tokens, g.head_width // 2],
+        "controls": [2, 259],
+        "local_mask": [1, 2, 1, "local_keys"],
+        "global_mask": [1, 2, 1, "global_keys"],
+    }
+    inputs = [(name, kind, two.get(name, shape)) for name, kind, shape in inputs]
+    return [inputs[0], ("finished", *inputs[0][1:]), *inputs[1:]], outputs
+
+
+@pytest.mark.parametrize("precision", ["f32", "f16"])
+@pytest.mark.parametrize("preset", ["tiny", "demo", "360p", "720p"])
+def test_the_joined_graph_has_two_latents(preset, precision):
+    g = PRESETS[preset][1]
+    graph = transformer.build_joined(g, precision, layouts(g)[0])
+    model = graph.model()
+    inputs, outputs = expected_joined(g, precision)
+    assert signature(model.graph.input) == inputs and signature(model.graph.output) == outputs
+    assert {n.op_type for n in model.graph.node} <= set(OPERATORS)
+    sizes = table.value_sizes(graph, g.dimensions(g.global_max_window, 2))[1]
+    assert max(4 * np.prod(shape) for shape, _ in sizes.values()) <= transformer.INTERMEDIATE_LIMIT
+
+
+@pytest.mark.parametrize("precision", ["f32", "f16"])
+def test_a_joined_pass_is_a_cache_pass_and_the_next_denoise_pass(tmp_path, precision):
+    g, kind = TINY.with_(joined=True), np.float32 if precision == "f32" else np.float16
+    bundle = build_bundle(
+        g, RandomWeights(g, 1), tmp_path / "joined", name="joined", provenance={}, licence=Licence("CC0-1.0", b"No rights reserved.\n")
+    )
+    rng, T, slot = np.random.default_rng(5), g.tokens, 1
+    single, joined = (session(bundle, graph, precision) for graph in ("transformer", "joined"))
+
+    def run(graph, feeds):
+        return dict(zip((o.name for o in graph.get_outputs()), graph.run(None, feeds)))
+
+    def mask(visible, *current):
+        return np.where(np.repeat(np.append(visible, current), T), 0, -1e4).astype(kind)[None, None, None]
+
+    finished, following = random_feeds(g, kind), random_feeds(g, kind)
+    for name in ("x", "controls", "rope_cos", "rope_sin"):
+        following[name] = rng.standard_normal(following[name].shape).astype(following[name].dtype)
+    finished["sigma"] = finished["dsigma"] = np.zeros(1, np.float32)
+    following["sigma"], following["dsigma"] = np.array([0.9], np.float32), np.array([-0.15], np.float32)
+    both = {name: value for name, value in finished.items() if name.startswith("past")}
+    for name in ("local", "global"):
+        before = rng.random(finished[f"{name}_mask"].shape[-1] // T - 1) > 0.3
+        after, hidden = before.copy(), before.copy()
+        after[slot], hidden[slot] = True, False
+        finished[f"{name}_mask"], following[f"{name}_mask"] = mask(before, True), mask(after, True)
+        both[f"{name}_mask"] = np.concatenate([mask(before, True, False), mask(hidden, True, True)], 1)
+    made = run(single, finished)
+    for i in range(g.layers):
+        for part in "kv":
+            past = following[f"past.{i}.{part}"] = finished[f"past.{i}.{part}"].copy()
+            past[:, :, slot * T : (slot + 1) * T] = made[f"present.{i}.{part}"]
+    both |= {"x": following["x"], "finished": finished["x"], "dsigma": following["dsigma"]}
+    both |= {name: np.concatenate([finished[name], following[name]], 2) for name in ("rope_cos", "rope_sin")}
+    both |= {name: np.concatenate([finished[name], following[name]], 0) for name in ("sigma", "controls")}
+    found, bound = run(joined, both), {"f32": 1e-5, "f16": 5e-3}[precision]
+    assert relative(found.pop("x_next"), run(single, following)["x_next"]) < bound
+    assert max(relative(value, made[name]) for name, value in found.items()) < bound
+
+
+def test_joined_graphs_are_added_and_kept(tiny, tmp_path):
+    def rebuilt(source, name, *options):
+        out = tmp_path / name
+        assert main(["rebuild", str(source), "--out", str(out), "--quiet", *options]) == 0
+        return out, json.loads((out / "cairn-world.json").read_text("utf-8"))
+
+    schema = jsonschema.Draft202012Validator(json.loads((ROOT / "docs" / "bundle.schema.json").read_text(encoding="utf-8")))
+    added, manifest = rebuilt(tiny, "added", "--joined")
+    kept, again = rebuilt(added, "kept")
+    assert manifest == again and manifest["graphs"]["f16"]["joined"] == "joined.f16.onnx"
+    schema.validate(manifest)
+    for file in manifest["files"]:
+        old = tiny / file["path"]
+        assert old.is_file() != file["path"].startswith("joined")
+        assert not old.is_file() or old.read_bytes() == (added / file["path"]).read_bytes()
+    del again["graphs"]["f16"]["joined"]
+    (kept / "cairn-world.json").write_text(json.dumps(again), encoding="utf-8")
+    assert main(["rebuild", str(kept), "--out", str(tmp_path / "halved"), "--quiet"]) == 2
 
 
 @pytest.mark.parametrize("precision", ["f32", "f16"])

@@ -113,6 +113,7 @@ def parser() -> argparse.ArgumentParser:
     checkpoint.add_argument("--licence-file", type=Path, help="its text; LICENSE in the directory unless given")
     _streaming(checkpoint)
     _residual(checkpoint)
+    _joined(checkpoint)
     _output(checkpoint)
 
     presets = "".join(f"  {name:8} {what}\n" for name, (what, _) in PRESETS.items())
@@ -122,6 +123,7 @@ def parser() -> argparse.ArgumentParser:
     _geometry(random)
     _streaming(random)
     _residual(random)
+    _joined(random)
     random.add_argument("--seed", type=int, default=1, help="0 to 2^64 - 1 (1)")
     random.add_argument("--name", help="shown to people")
     _output(random)
@@ -136,6 +138,7 @@ def parser() -> argparse.ArgumentParser:
     of_rates.add_argument("bundles", type=Path, nargs="*", metavar="bundle", help="folders or .cairn files (or --preset)")
     of_rates.add_argument("--preset", choices=list(PRESETS), action="append", default=[], help="shapes instead; may come again")
     _weights(of_rates)
+    of_rates.add_argument("--joined", action="store_true", help="with joined passes (operating point `joined`) of all worlds named")
     of_rates.add_argument("--summary", action="store_true", help="one short table: two presets, no limits")
     of_rates.add_argument("--points", action="store_true", help="instead, the published rates that the ranges come from")
     of_rates.add_argument(
@@ -155,6 +158,7 @@ def parser() -> argparse.ArgumentParser:
     )
     again.add_argument("bundle", type=Path, help="a folder or a .cairn file")
     _residual(again, "as in the bundle")
+    _joined(again)
     again.add_argument("--out", type=Path, required=True, help="the folder, or the file *.cairn, to write")
     again.add_argument("--replace", action="store_true", help="replace the bundle that is there, once the new one is complete")
     again.add_argument("--quiet", action="store_true", help="no progress")
@@ -179,6 +183,7 @@ def parser() -> argparse.ArgumentParser:
         help=f"layers or matrices that stay in 16 bits, with commas between them, or none ({','.join(KEPT)})",
     )
     _residual(smaller, "as in the bundle")
+    _joined(smaller)
     smaller.add_argument("--out", type=Path, required=True, help="the folder, or the file *.cairn, to write")
     smaller.add_argument("--replace", action="store_true", help="replace the bundle that is there, once the new one is complete")
     smaller.add_argument("--quiet", action="store_true", help="no progress and no table")
@@ -220,6 +225,14 @@ def _residual(command: argparse.ArgumentParser, default: str = "float16") -> Non
         "--residual",
         choices=RESIDUALS,
         help=f"type of the sums of the residual stream in f16 graphs: float32 where float16 overflows or is not accurate enough ({default})",
+    )
+
+
+def _joined(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--joined",
+        action="store_true",
+        help="with joined graphs, which run the cache pass of a latent and the first denoise pass of the next at once (operating point `joined`)",
     )
 
 
@@ -316,6 +329,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _with_options(options: argparse.Namespace, geometry: Geometry) -> Geometry:
     geometry = geometry.with_(streaming_encoder=True) if options.streaming_encoder else geometry
+    geometry = geometry.with_(joined=True) if options.joined else geometry
     return geometry if options.residual is None else geometry.with_(residual=options.residual)
 
 
@@ -379,7 +393,10 @@ def _rates(options: argparse.Namespace) -> int:
     if options.points:
         print(rates.evidence())
         return 0
-    worlds = [rates.World(*named) for named in _named_worlds(options)]
+    named = _named_worlds(options)
+    if options.joined:
+        named = [(f"{name}, joined passes", g.with_(joined=True), quantisation) for name, g, quantisation in named]
+    worlds = [rates.World(*world) for world in named]
     if options.reports is None:
         print((rates.summary if options.summary else rates.table)(worlds))
         return 0
@@ -413,7 +430,8 @@ def _costs(options: argparse.Namespace) -> int:
 
 def _rebuild(options: argparse.Namespace) -> int:
     progress = Printer(options.quiet)
-    rebuild(options.bundle, options.out, progress=progress, replace=options.replace, residual=options.residual)
+    facts = {"residual": options.residual, "joined": options.joined}
+    rebuild(options.bundle, options.out, progress=progress, replace=options.replace, **facts)
     progress.close()
     if not options.quiet:
         print(f"wrote {options.out}")
@@ -424,7 +442,7 @@ def _quantise(options: argparse.Namespace) -> int:
     kept = () if options.keep_16 == "none" else tuple(name.strip() for name in options.keep_16.split(","))
     quantisation = Quantisation(options.weights, options.block, options.activations, kept)
     progress = Printer(options.quiet)
-    facts = {"quantisation": quantisation, "residual": options.residual}
+    facts = {"quantisation": quantisation, "residual": options.residual, "joined": options.joined}
     rebuild(options.bundle, options.out, progress=progress, replace=options.replace, **facts)
     progress.close()
     if not options.quiet:

@@ -85,6 +85,8 @@ class Geometry:
     streaming_encoder: bool = False
     # Type of the transformer's residual stream in f16 graphs: "float16" or "float32".
     residual: str = "float16"
+    # Whether there are joined graphs, which run the cache pass of one latent and the first denoise pass of the next at once.
+    joined: bool = False
 
     def __post_init__(self) -> None:
         for name, (low, high) in BOUNDS.items():
@@ -221,15 +223,15 @@ class Geometry:
         buckets = window // self.global_dilation if self.is_global(layer) else self.local_window
         return buckets * self.tokens
 
-    def dimensions(self, window: int) -> dict[str, int]:
-        """The symbolic dimensions of the transformer's graph at a global window of `window` latents."""
+    def dimensions(self, window: int, latents: int = 1) -> dict[str, int]:
+        """The symbolic dimensions of a graph that runs `latents` latents at a global window of `window` latents."""
         local = self.local_window * self.tokens
         wide = window // self.global_dilation * self.tokens
         return {
             "local_past": local,
-            "local_keys": local + self.tokens,
+            "local_keys": local + latents * self.tokens,
             "global_past": wide,
-            "global_keys": wide + self.tokens,
+            "global_keys": wide + latents * self.tokens,
         }
 
     def with_(self, **changes) -> "Geometry":
@@ -277,6 +279,7 @@ PRESETS: dict[str, tuple[str, Geometry]] = {
         _TINY.with_(local_window=16, global_window=128, global_dilation=8, global_max_window=128),
     ),
     "stream": ("tiny with an encoder that is handed its memories", _TINY.with_(streaming_encoder=True)),
+    "joined": ("tiny with joined graphs", _TINY.with_(joined=True)),
     "demo": (
         "128 tokens, 512 x 256 decoded, up to g512: runs on two processor cores",
         Geometry(

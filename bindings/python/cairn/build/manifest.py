@@ -157,6 +157,7 @@ def geometry_of(content: dict) -> Geometry:
             streaming_encoder=bool(g["autoencoder"].get("encoder_memories")),
             render=tuple(content["picture"]["render"]),
             residual=content.get("residual", "float16"),
+            joined="joined" in content["graphs"]["f32"],
         )
     except (KeyError, IndexError, TypeError, AttributeError) as error:
         cause = f"a member is missing or of another kind: {error!r}"

@@ -27,7 +27,8 @@ from .measured import PRESET, WORLD, Measured, Reports, is_same
 from .published import POINTS, Point
 from .quantise import Quantisation, unpacked_bytes
 from .table import activation_peak, ring_bytes, slab_bytes, weight_bytes
-from .writer import build_graphs
+from .transformer import build_joined
+from .writer import build_graphs, layouts
 
 
 @dataclass(frozen=True)
@@ -116,11 +117,15 @@ class Run:
 
 
 class World:
-    """The cost of a world's graphs in float16, with its weights in 16 bits or as `quantisation` stores them."""
+    """The cost of a world's graphs in float16, with its weights in 16 bits or as `quantisation` stores them.
+
+    Of a world with joined graphs, a latent has joined passes: the cache pass of the latent before and the first denoise pass are one.
+    """
 
     def __init__(self, name: str, g: Geometry, quantisation: Quantisation | None = None):
         self.name, self.geometry = name, g
         self._graphs = build_graphs(g, "f16", quantisation=quantisation)
+        self._joined = build_joined(g, "f16", layouts(g, quantisation)[0], quantisation=quantisation) if g.joined else None
         self._unpacked = unpacked_bytes(g, quantisation, "f16")
         self._weights = {kind: weight_bytes({kind: graph}) for kind, graph in self._graphs.items()}
         pictures = 3 * math.prod(g.decoded) * 4
@@ -136,11 +141,27 @@ class World:
             self._passes[window] = Run(2.0 * multiply_adds(self._graphs["transformer"], g.dimensions(window)), moved)
         return self._passes[window]
 
+    def joined_pass(self, window: int) -> Run:
+        """A cache pass and a denoise pass at once: weights and past are read once for both."""
+        flops = 2.0 * multiply_adds(self._joined, self.geometry.dimensions(window, 2))
+        return Run(flops, self.one_pass(window).bytes + slab_bytes(self.geometry, "f16"))
+
+    def passes(self, preset: Preset) -> list[tuple[int, Run]]:
+        """Number and cost of each kind of pass of a latent."""
+        if self._joined is None:
+            return [(preset.passes, self.one_pass(preset.window))]
+        return [(preset.passes - 2, self.one_pass(preset.window)), (1, self.joined_pass(preset.window))]
+
     def kernels(self, preset: Preset, fused: dict[str, int] | None = None) -> int:
         """Kernels of one latent, estimated from the nodes of the graphs: `fused` has the number of elementary operators that a node stands for."""
         weight = {"Reshape": 0, "Cast": 0} | (fused or {})
-        counts = [sum(weight.get(n.op_type, 1) for n in self._graphs[k].model().graph.node) for k in ("transformer", "decoder")]
-        return preset.passes * counts[0] + counts[1]
+
+        def count(graph: Graph) -> int:
+            return sum(weight.get(n.op_type, 1) for n in graph.model().graph.node)
+
+        graphs = [self._graphs["transformer"], self._joined]
+        of_passes = sum(number * count(graph) for (number, _), graph in zip(self.passes(preset), graphs))
+        return of_passes + count(self._graphs["decoder"])
 
     def memory(self, window: int) -> float:
         """GiB for weights, past keys and values, intermediate values, and one matrix that is unpacked to 16 bits."""
@@ -148,17 +169,20 @@ class World:
         if window not in self._memory:
             dimensions = {"transformer": g.dimensions(window)}
             alive = max(activation_peak(graph, dimensions.get(kind, {}))[0] for kind, graph in self._graphs.items())
-            total = sum(self._weights.values()) + ring_bytes(g, window, "f16") + slab_bytes(g, "f16") + alive + self._unpacked
+            if self._joined is not None:
+                alive += activation_peak(self._joined, g.dimensions(window, 2))[0]
+            slabs = slab_bytes(g, "f16") * (1 if self._joined is None else 3)
+            total = sum(self._weights.values()) + ring_bytes(g, window, "f16") + slabs + alive + self._unpacked
             self._memory[window] = total / 2**30
         return self._memory[window]
 
     def flops(self, preset: Preset) -> float:
         """Floating-point operations per latent."""
-        return preset.passes * self.one_pass(preset.window).flops + self.decode.flops
+        return sum(number * one.flops for number, one in self.passes(preset)) + self.decode.flops
 
     def limit(self, gpu: Gpu, preset: Preset) -> float:
         """Latents per second that no program can exceed."""
-        return 1.0 / (preset.passes * self.one_pass(preset.window).seconds(gpu) + self.decode.seconds(gpu))
+        return 1.0 / (sum(number * one.seconds(gpu) for number, one in self.passes(preset)) + self.decode.seconds(gpu))
 
     def estimate(self, gpu: Gpu, preset: Preset) -> tuple[float, float]:
         """Lowest and highest latents per second to expect of a GPU that does nothing else."""
@@ -225,7 +249,8 @@ def table(worlds: list[World], reports: Reports | None = None) -> str:
     for world in worlds:
         width, height = world.geometry.decoded
         out += [f"### {world.name}, {width} x {height} decoded", ""]
-        columns = [f"{p.name}<br>g{p.window}, {p.passes - 1} + 1 passes" for p in PRESETS_OF_THE_LIBRARY]
+        cache = "joined" if world.geometry.joined else "+ 1"
+        columns = [f"{p.name}<br>g{p.window}, {p.passes - 1} {cache} passes" for p in PRESETS_OF_THE_LIBRARY]
         rows = [
             ("TFLOP a latent", [f"{world.flops(p) / 1e12:.2g}" for p in PRESETS_OF_THE_LIBRARY]),
             ("kernels a latent", [f"{world.kernels(p):,}" for p in PRESETS_OF_THE_LIBRARY]),

@@ -18,6 +18,8 @@ from .manifest import MANIFEST_FILE, MANIFEST_LIMIT
 FILES_LIMIT = 4096
 PATH_LIMIT = 200
 GRAPH_KINDS = ("transformer", "encoder", "decoder")
+# A kind that a bundle may have, in both precisions or in none.
+JOINED = "joined"
 _COMPONENT = re.compile(r"[A-Za-z0-9._-]+")
 _DEVICE_OF_WINDOWS = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9])(\..*)?", re.IGNORECASE)
 _SHA256 = re.compile(r"[0-9a-f]{64}")
@@ -104,8 +106,11 @@ def check_names(manifest: dict) -> None:
     if "f32" not in graphs or not graphs.keys() <= {"f32", "f16"}:
         raise BuildError("it must have f32, and may have f16", field="graphs", remedy="See docs/bundle.md, section 2.")
     for precision, kinds in graphs.items():
-        if not isinstance(kinds, dict) or kinds.keys() != set(GRAPH_KINDS):
-            raise BuildError(f"its members must be {', '.join(GRAPH_KINDS)}", field=f"graphs.{precision}", remedy="See docs/bundle.md, section 2.")
+        if not isinstance(kinds, dict) or kinds.keys() - {JOINED} != set(GRAPH_KINDS):
+            cause = f"its members must be {', '.join(GRAPH_KINDS)}, and may be {JOINED}"
+            raise BuildError(cause, field=f"graphs.{precision}", remedy="See docs/bundle.md, section 2.")
+        if (JOINED in kinds) != (JOINED in graphs["f32"]):
+            raise BuildError("one precision has it, and the other not", field=f"graphs.{precision}.{JOINED}", remedy="See docs/bundle.md, section 2.")
         named |= {f"graphs.{precision}.{kind}": name for kind, name in kinds.items()}
     if manifest["licence"].get("file") is not None:
         named["licence.file"] = manifest["licence"]["file"]

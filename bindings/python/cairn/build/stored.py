@@ -87,13 +87,15 @@ def rebuild(
     replace: bool = False,
     quantisation: Quantisation | None = None,
     residual: str | None = None,
+    joined: bool = False,
 ) -> Path:
     """Writes `bundle`, a folder or an archive, to `out` with the graphs of this version. Its numbers and its manifest's facts stay as they are,
     except that `quantisation` stores the matrices of its layers in fewer bits, and then the name says so. `residual` is the type of the residual
-    stream in f16 graphs, if it is to change."""
+    stream in f16 graphs, if it is to change. `joined` adds joined graphs; a bundle that has them keeps them."""
     with archive.verified_folder(bundle) as folder:
         geometry = archive.read_geometry(folder)
         geometry = geometry if residual is None else geometry.with_(residual=residual)
+        geometry = geometry.with_(joined=True) if joined else geometry
         content = manifest_bytes(folder)
         manifest = parse_manifest(content)
         name, provenance = manifest["name"], manifest["provenance"]

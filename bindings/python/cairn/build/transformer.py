@@ -3,6 +3,9 @@
 T tokens of width D, H query heads over G key/value heads of width d, P = d / 2 rotation pairs. In a float16 graph the
 noise conditioner, the control embedding, RMS norms with their modulation, RoPE and the Euler step stay in float32, and with
 `Geometry.residual` "float32" also the gates and the sums of the residual stream.
+
+The joined graph runs two latents at once, B = 2: the cache pass of one and the first denoise pass of the next, which sees the keys and values of
+the first in each layer. The other graph runs one, B = 1.
 """
 
 from __future__ import annotations
@@ -37,20 +40,22 @@ def fourier_frequencies(rounding: str) -> np.ndarray:
     return exact if rounding == "none" else to_bfloat16(exact)
 
 
-def attention_chunks(g: Geometry, layer: int) -> tuple[int, int]:
+def attention_chunks(g: Geometry, layer: int, latents: int = 1) -> tuple[int, int]:
     """The number of parts of a layer's attention: over key/value heads, then over query rows.
 
     The fewest parts whose scores, `heads in the part x rows x keys`, stay within the limit at the largest window.
     """
-    keys = g.past_tokens(layer, g.global_max_window) + g.tokens
-    rows = g.group * g.tokens
+    keys = g.past_tokens(layer, g.global_max_window) + latents * g.tokens
+    rows = g.group * latents * g.tokens
     for parts in (n for n in range(1, g.kv_heads + 1) if g.kv_heads % n == 0):
         if 4 * (g.kv_heads // parts) * max(rows, g.head_width) * keys <= INTERMEDIATE_LIMIT:
             return parts, 1
-    for parts in (n for n in range(1, rows + 1) if rows % n == 0):
+    # Rows of two latents are divided between query heads, because each of these has rows of both.
+    most = rows if latents == 1 else g.group
+    for parts in (n for n in range(1, most + 1) if most % n == 0):
         if 4 * (rows // parts) * keys <= INTERMEDIATE_LIMIT:
             return g.kv_heads, parts
-    return g.kv_heads, rows
+    return g.kv_heads, most
 
 
 def build_transformer(
@@ -64,10 +69,24 @@ def build_transformer(
     return _Transformer(g, precision, weights, quantisation).build(fourier_rounding)
 
 
+def build_joined(
+    g: Geometry,
+    precision: str,
+    weights: dict[str, Placed],
+    fourier_rounding: str = "none",
+    quantisation: Quantisation | None = None,
+) -> Graph:
+    """The joined graph; its inputs and outputs are those of `docs/bundle.md`, in order."""
+    return _JoinedTransformer(g, precision, weights, quantisation).build(fourier_rounding)
+
+
 class _Transformer:
+    # B, and the graph's name.
+    latents, name = 1, "transformer"
+
     def __init__(self, g: Geometry, precision: str, weights: dict[str, Placed], quantisation: Quantisation | None):
         self.g = g
-        self.graph = Graph("transformer", precision, weights, quantisation)
+        self.graph = Graph(self.name, precision, weights, quantisation)
 
     @property
     def residual(self) -> str:
@@ -78,32 +97,34 @@ class _Transformer:
         g, o, F, R = self.g, self.graph, self.graph.precision, self.residual
         T, D, P = g.tokens, g.width, g.head_width // 2
         rows, columns = g.grid
+        B = self.latents
         latent = [1, g.latent_channels, g.latent_height, g.latent_width]
 
         x = o.input("x", F, latent)
-        sigma = o.input("sigma", "f32", [1])
+        both = self.with_finished(x, latent)
+        sigma = o.input("sigma", "f32", [B])
         dsigma = o.input("dsigma", "f32", [1])
-        tables = [o.input(f"rope_{n}", "f32", [1, 1, T, P]) for n in ("cos", "sin")]
-        controls = o.input("controls", "f32", [1, g.control_width])
-        self.masks = {wide: o.input(f"{n}_mask", F, [1, 1, 1, f"{n}_keys"]) for wide, n in ((False, "local"), (True, "global"))}
+        tables = [o.input(f"rope_{n}", "f32", [1, 1, B * T, P]) for n in ("cos", "sin")]
+        controls = o.input("controls", "f32", [B, g.control_width])
+        self.masks = {wide: o.input(f"{n}_mask", F, [1, B, 1, f"{n}_keys"]) for wide, n in ((False, "local"), (True, "global"))}
         past = []
         for i in range(g.layers):
             shape = [1, g.kv_heads, "global_past" if g.is_global(i) else "local_past", g.head_width]
             past.append((o.input(f"past.{i}.k", F, shape), o.input(f"past.{i}.v", F, shape)))
-        self.cos, self.sin = (o.reshape(table, [T, P], f"{table}.table") for table in tables)
+        self.cos, self.sin = (o.reshape(table, [B * T, P], f"{table}.table") for table in tables)
 
-        cond = self.noise_conditioner(sigma, fourier_rounding)  # [1, D] f32
-        modulations = self.modulations(cond)  # per layer six [1, D] f32
-        ctrl = self.control_embedding(controls)  # [1, D]
+        cond = self.noise_conditioner(sigma, fourier_rounding)  # [B, D] f32
+        modulations = self.modulations(cond)  # per layer six [B, D] f32
+        ctrl = self.control_embedding(controls)  # [B, D]
 
         h = o.node(
             "Conv",
-            [x, o.weight("patchify.weight")],
+            [both, o.weight("patchify.weight")],
             "patchify",
             kernel_shape=list(g.patch),
             strides=list(g.patch),
-        )  # [1, D, rows, columns]
-        h = o.transpose(o.reshape(h, [1, D, T], "patchify.flat"), [0, 2, 1], "tokens")  # [1, T, D]
+        )  # [B, D, rows, columns]
+        h = o.transpose(o.reshape(h, [B, D, T], "patchify.flat"), [0, 2, 1], "tokens")  # [B, T, D]
         h = o.cast(h, R)
 
         presents = []
@@ -119,7 +140,7 @@ class _Transformer:
             y = o.linear(o.silu(y, f"{block}.mlp.act"), f"{block}.mlp.fc2", f"{block}.mlp.out")
             h = o.add(h, o.mul(o.cast(y, R), g1, f"{block}.mlp.gated"), f"{block}.mlp.sum")
 
-        v = self.velocity(h, cond)  # [1, C, h, w]
+        v = self.velocity(*self.unfinished(h, cond))  # [1, C, h, w]
         step = o.mul(dsigma, o.cast(v, "f32"), "step")
         x_next = o.cast(o.add(o.cast(x, "f32"), step, "moved"), F)
         o.output(x_next, "x_next", latent)
@@ -129,11 +150,19 @@ class _Transformer:
             o.output(value, f"present.{i}.v", slab)
         return o
 
+    def with_finished(self, x: str, latent: list[int]) -> str:
+        """The latents that are run: [B, C, h, w]."""
+        return x
+
+    def unfinished(self, h: str, cond: str) -> tuple[str, str]:
+        """Tokens [1, T, D] and condition [1, D] of the latent that is denoised."""
+        return h, cond
+
     def noise_conditioner(self, sigma: str, rounding: str) -> str:
-        """sigma -> Fourier features -> MLP: [1, D], in float32."""
+        """sigma -> Fourier features -> MLP: [B, D], in float32."""
         o = self.graph
         frequencies = o.constant("fourier.frequencies", fourier_frequencies(rounding)[None, :])
-        scaled = o.mul(o.reshape(sigma, [1, 1], "sigma.row"), o.number(SIGMA_SCALE, "f32"), "sigma.scaled")
+        scaled = o.mul(o.reshape(sigma, [self.latents, 1], "sigma.row"), o.number(SIGMA_SCALE, "f32"), "sigma.scaled")
         phase = o.mul(scaled, frequencies, "fourier.phase")
         waves = o.concat([o.node("Sin", [phase], "fourier.sin"), o.node("Cos", [phase], "fourier.cos")], 1, "fourier")
         waves = o.mul(waves, o.number(float(np.float32(np.sqrt(2.0))), "f32"), "fourier.unit")
@@ -165,7 +194,7 @@ class _Transformer:
         return [[column[i] for column in columns] for i in range(L)]
 
     def control_embedding(self, controls: str) -> str:
-        """Mouse, buttons and scroll -> one normalised vector [1, D]. In float32, because mouse counts have no bound."""
+        """Mouse, buttons and scroll -> normalised vectors [B, D]. In float32, because mouse counts have no bound."""
         o = self.graph
         hidden = o.silu(o.linear(controls, "ctrl_emb.mlp.fc1", "ctrl.hidden"), "ctrl.act")
         embedding = o.linear(hidden, "ctrl_emb.mlp.fc2", "ctrl.emb")
@@ -188,9 +217,9 @@ class _Transformer:
         return o.cast(o.add(self.rms_norm(x, gain, f"{label}.scaled"), shift, f"{label}.shifted"), o.precision)
 
     def attention(self, layer: int, x: str, past: tuple[str, str]):
-        """One layer's attention over its ring and the current frame: (output [1, T, D], k, v)."""
+        """One layer's attention over its ring and the current latents: (output [B, T, D], k, v)."""
         g, o, F = self.g, self.graph, self.graph.precision
-        H, G, T, d = g.heads, g.kv_heads, g.tokens, g.head_width
+        H, G, T, d = g.heads, g.kv_heads, self.latents * g.tokens, g.head_width
         name = f"blocks.{layer}.attn"
         rows = o.reshape(o.linear(x, f"{name}.qkv_proj", f"{name}.qkv"), [1, T, H + 2 * G, d], f"{name}.qkv.heads")
         heads = o.transpose(rows, [0, 2, 1, 3], f"{name}.heads")  # [1, H + 2 G, T, d]
@@ -206,8 +235,12 @@ class _Transformer:
         q = o.reshape(q, [1, G, g.group * T, d], f"{name}.q.rows")
         y = self.attend(layer, q, (k, v), past, name)
         y = o.reshape(y, [1, H, T, d], f"{name}.y.heads")
-        y = o.reshape(o.transpose(y, [0, 2, 1, 3], f"{name}.y.tokens"), [1, T, g.width], f"{name}.y")
-        return o.linear(y, f"{name}.out_proj", f"{name}.out"), k, v
+        y = o.reshape(o.transpose(y, [0, 2, 1, 3], f"{name}.y.tokens"), [self.latents, g.tokens, g.width], f"{name}.y")
+        return o.linear(y, f"{name}.out_proj", f"{name}.out"), self.finished(k), self.finished(v)
+
+    def finished(self, slab: str) -> str:
+        """K or V of the latent that may be committed: [1, G, T, d]."""
+        return slab
 
     def mixed_values(self, layer: int, v: str) -> str:
         """v + lamb (v0 - v), where v0 is layer 0's v: [1, G, T, d]."""
@@ -219,9 +252,9 @@ class _Transformer:
         return o.add(v, toward, f"{name}.v.mixed")
 
     def attend(self, layer: int, q: str, current: tuple[str, str], past: tuple[str, str], name: str) -> str:
-        """softmax(d^-1/2 q K^T + mask) V, where K and V are the past followed by the current frame, in parts: [1, G, rows, d]."""
+        """softmax(d^-1/2 q K^T + mask) V, where K and V are the past followed by the current latents, in parts: [1, G, rows, d]."""
         g, o = self.g, self.graph
-        head_parts, row_parts = attention_chunks(g, layer)
+        head_parts, row_parts = attention_chunks(g, layer, self.latents)
         mask = self.masks[g.is_global(layer)]
 
         def cut(value: str, label: str) -> list[str]:
@@ -235,21 +268,29 @@ class _Transformer:
             rows = []
             for row in o.split(q_part, row_parts, 2, f"{name}.q.row"):
                 scores = o.matmul_turned(row, keys, g.head_width**-0.5, f"{name}.scores")
-                shares = o.node("Softmax", [o.add(scores, mask, f"{name}.masked")], f"{name}.shares", axis=-1)
+                shares = o.node("Softmax", [self.masked(scores, mask, g.kv_heads // head_parts, f"{name}.masked")], f"{name}.shares", axis=-1)
                 rows.append(o.matmul(shares, values, f"{name}.mix"))
             outputs.append(o.concat(rows, 2, f"{name}.mix.rows"))
         return o.concat(outputs, 1, f"{name}.mix.heads")
 
+    def masked(self, scores: str, mask: str, heads: int, label: str) -> str:
+        """scores + mask, for `heads` key/value heads."""
+        return self.graph.add(scores, mask, label)
+
     def control_fusion(self, block: str, h: str, ctrl: str) -> str:
-        """fc2(silu(fc1_x rms(h) + fc1_c rms(ctrl))): [1, T, D], added without a gate."""
+        """fc2(silu(fc1_x rms(h) + fc1_c rms(ctrl))): [B, T, D], added without a gate."""
         o, name = self.graph, f"{block}.ctrl_mlpfusion"
         normed = o.cast(self.rms_norm(h, self.ones(self.g.width), f"{block}.ctrl.norm"), o.precision)
         mixed = o.add(
             o.linear(normed, f"{name}.fc1_x", f"{block}.ctrl.x"),
-            o.linear(ctrl, f"{name}.fc1_c", f"{block}.ctrl.c"),
+            self.of_each_latent(o.linear(ctrl, f"{name}.fc1_c", f"{block}.ctrl.c")),
             f"{block}.ctrl.mixed",
         )
         return o.linear(o.silu(mixed, f"{block}.ctrl.act"), f"{name}.fc2", f"{block}.ctrl.out")
+
+    def of_each_latent(self, vectors: str) -> str:
+        """Vectors [B, n] in a shape that is added to tokens [B, T, n]."""
+        return vectors
 
     def velocity(self, h: str, cond: str) -> str:
         """Output norm, SiLU and unpatchify: [1, T, D] -> [1, C, h, w]."""
@@ -264,3 +305,58 @@ class _Transformer:
         y = o.reshape(y, [rows, columns, g.latent_channels, *g.patch], "unpatchify.grid")
         y = o.transpose(y, [2, 0, 3, 1, 4], "unpatchify.turned")
         return o.reshape(y, [1, g.latent_channels, g.latent_height, g.latent_width], "v")
+
+
+class _JoinedTransformer(_Transformer):
+    """Two latents in one pass: the finished one, then the one that is denoised."""
+
+    latents, name = 2, "joined"
+
+    def with_finished(self, x: str, latent: list[int]) -> str:
+        finished = self.graph.input("finished", self.graph.precision, latent)
+        return self.graph.concat([finished, x], 0, "latents")
+
+    def unfinished(self, h: str, cond: str) -> tuple[str, str]:
+        o = self.graph
+        return o.slice(h, 1, 2, 0, "unfinished"), o.slice(cond, 1, 2, 0, "unfinished.cond")
+
+    def finished(self, slab: str) -> str:
+        return self.graph.slice(slab, 0, self.g.tokens, 2, f"{slab}.finished")
+
+    def modulations(self, cond: str) -> list[list[str]]:
+        """As in the other graph, all [B, 1, D], from one product [L B, D] x [6, D, D]."""
+        g, o = self.g, self.graph
+        L, D, n, B = g.layers, g.width, len(MODULATIONS), self.latents
+        biases = o.reshape(o.weight("cond_head.bias_in", "f32"), [L, 1, D], "cond.biases")
+        biased = o.add(o.reshape(cond, [1, B, D], "cond.latents"), biases, "cond.biased")
+        h = o.cast(o.silu(biased, "cond.act"), o.precision)
+        h = o.reshape(h, [L * B, D], "cond.rows")
+        all_gates = o.matmul(h, o.weight("cond_head.cond_proj.weight"), "cond.modulations")  # [6, L B, D]
+        is_scale = np.array([m.endswith("scale") for m in MODULATIONS], np.float32)
+        one = o.constant("scale.one", is_scale[:, None, None])
+        gates = o.cast(all_gates, self.residual)
+        all_norms = o.add(o.cast(all_gates, "f32"), one, "cond.gains")
+
+        def vectors(j: int) -> list[str]:
+            label = "cond." + MODULATIONS[j].replace(" ", ".")
+            meaning = o.slice(gates if MODULATIONS[j].endswith("gate") else all_norms, j, j + 1, 0, label)
+            return [o.reshape(part, [B, 1, D], f"{label}.vectors") for part in o.split(meaning, L, 1, f"{label}.layer")]
+
+        columns = [vectors(j) for j in range(n)]
+        return [[column[i] for column in columns] for i in range(L)]
+
+    def modulated_norm(self, x: str, gain: str, shift: str, label: str) -> str:
+        if label == "out.norm":
+            return super().modulated_norm(x, gain, shift, label)
+        o = self.graph
+        scaled = o.mul(self.rms_norm(x, self.ones(self.g.width), f"{label}.unit"), gain, f"{label}.scaled")
+        return o.cast(o.add(scaled, shift, f"{label}.shifted"), o.precision)
+
+    def masked(self, scores: str, mask: str, heads: int, label: str) -> str:
+        """Rows are ordered by query head, then by latent, whose mask differs."""
+        g, o = self.g, self.graph
+        each = o.reshape(scores, [-1, self.latents, g.tokens, 0], f"{label}.latents")
+        return o.reshape(o.add(each, mask, f"{label}.each"), [1, heads, -1, 0], label)
+
+    def of_each_latent(self, vectors: str) -> str:
+        return self.graph.reshape(vectors, [self.latents, 1, -1], f"{vectors}.latents")

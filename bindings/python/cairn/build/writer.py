@@ -21,9 +21,9 @@ from .geometry import Geometry
 from .graph import Graph
 from .manifest import MANIFEST_FILE, MANIFEST_LIMIT, Licence, check_texts, manifest
 from .quantise import Quantisation
-from .reader import GRAPH_KINDS, checked_name
+from .reader import GRAPH_KINDS, JOINED, checked_name
 from .sizes import value_sizes
-from .transformer import INTERMEDIATE_LIMIT, build_transformer
+from .transformer import INTERMEDIATE_LIMIT, build_joined, build_transformer
 from .weights import (
     ALIGNMENT,
     AUTOENCODER_FILE,
@@ -64,6 +64,14 @@ def build_graphs(
         "encoder": build_encoder(g, precision, autoencoder),
         "decoder": build_decoder(g, precision, autoencoder),
     }
+
+
+def _written_graphs(g: Geometry, precision: str, fourier_rounding: str, quantisation: Quantisation | None) -> dict[str, Graph]:
+    """The graphs of `build_graphs`, and the joined one if the bundle has it."""
+    graphs = build_graphs(g, precision, fourier_rounding, quantisation)
+    if g.joined:
+        graphs[JOINED] = build_joined(g, precision, layouts(g, quantisation)[0], fourier_rounding, quantisation)
+    return graphs
 
 
 def build_bundle(
@@ -113,15 +121,15 @@ def build_bundle(
 def _check_licence_file(name: str) -> None:
     """Checks a file name that may come from another bundle. Names of the builder's own files are refused, also as that of a folder."""
     checked_name(name, "licence.file")
-    own = {MANIFEST_FILE, TRANSFORMER_FILE, AUTOENCODER_FILE, *(_graph_file(k, p) for k in GRAPH_KINDS for p in ("f32", "f16"))}
+    own = {MANIFEST_FILE, TRANSFORMER_FILE, AUTOENCODER_FILE, *(_graph_file(k, p) for k in (*GRAPH_KINDS, JOINED) for p in ("f32", "f16"))}
     if name.split("/")[0].lower() in own:
         raise BuildError(f"{name} is the name of another file", field="licence.file", remedy="Give it another name, such as LICENSE.txt.")
 
 
 def _check_values(g: Geometry, quantisation: Quantisation | None) -> None:
     """Checks that every value is as small as the library requires."""
-    dimensions = {"transformer": g.dimensions(g.global_max_window)}
-    for kind, graph in build_graphs(g, "f32", quantisation=quantisation).items():
+    dimensions = {"transformer": g.dimensions(g.global_max_window), JOINED: g.dimensions(g.global_max_window, 2)}
+    for kind, graph in _written_graphs(g, "f32", "none", quantisation).items():
         for name, (shape, _) in value_sizes(graph, dimensions.get(kind, {}))[1].items():
             if (size := 4 * math.prod(shape)) > INTERMEDIATE_LIMIT:
                 limit = INTERMEDIATE_LIMIT >> 20
@@ -148,7 +156,7 @@ def _write(folder, g, source, name, provenance, licence, rounding, precisions, p
     for precision in precisions:
         progress(f"graphs, {precision}", done, total + 1)
         graphs[precision] = {}
-        for kind, graph in build_graphs(g, precision, rounding, quantisation).items():
+        for kind, graph in _written_graphs(g, precision, rounding, quantisation).items():
             file = _graph_file(kind, precision)
             data = graph.model().SerializeToString(deterministic=True)
             _write_file(folder, file, data, files)
