@@ -661,7 +661,7 @@ typedef struct cairn_world_options {
     /**
      * Operating point of its rollouts, UTF-8: a preset ("coherence", "baseline-128", "baseline-112", "baseline-doubled", "decoded-60",
      * "heavy", "stock"), with changes after commas: "stock,g64,native". Null for "stock" with the bundle's own global window. The global
-     * window is fixed for the world; the rest may differ from rollout to rollout.
+     * window is fixed for the world; the rest may differ from rollout to rollout, but "joined" needs a world that was loaded with it.
      */
     const char *operating_point;
     /** Limit in bytes on the memory of the world with one rollout; 0 for what the system has available. */
@@ -779,7 +779,8 @@ typedef struct cairn_world_memory {
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for an operating point that does not fit the
  * world, and for more slices than the transformer can have; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE;
  * CAIRN_ERROR_UNSUPPORTED for another version of the format, a precision the bundle does not have or that CAIRN_WORLD_CHECK_PRECISION
- * refuses, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with the numbers; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
+ * refuses, joined passes that the bundle does not have, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with the numbers;
+ * CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_world_load(

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use cairn::ErrorKind;
-use cairn::bundle::{Bundle, GraphKind, Precision, Processor, slice_transformer};
+use cairn::bundle::{Bundle, GraphKind, Passes, Precision, Processor, slice_transformer};
 use cairn::world::{Rollout, World, WorldOptions};
 use test_support::worlds::{bundle, controls, device, fingerprint, point, relative_error, seeded};
 
@@ -164,7 +164,8 @@ fn a_limit_chooses_the_number_of_slices() {
 #[test]
 fn more_slices_need_more_memory_and_a_refused_number_is_not_loaded() {
     let bundle = embedded();
-    let need = |slices| bundle.memory_need_in(Precision::F32, Processor::Cpu, 128, slices).expect("a need");
+    let need =
+        |slices| bundle.memory_need_in(Precision::F32, Processor::Cpu, 128, Passes::Slices(slices)).expect("a need");
     let whole = bundle.memory_need(Precision::F32, Processor::Cpu, 128).expect("a need");
     assert_eq!(need(1), whole);
     let layers = bundle.geometry().layers;

@@ -85,7 +85,7 @@ pub struct cairn_world_options {
     pub path: *const c_char,
     /// Operating point of its rollouts, UTF-8: a preset ("coherence", "baseline-128", "baseline-112", "baseline-doubled", "decoded-60",
     /// "heavy", "stock"), with changes after commas: "stock,g64,native". Null for "stock" with the bundle's own global window. The global
-    /// window is fixed for the world; the rest may differ from rollout to rollout.
+    /// window is fixed for the world; the rest may differ from rollout to rollout, but "joined" needs a world that was loaded with it.
     pub operating_point: *const c_char,
     /// Limit in bytes on the memory of the world with one rollout; 0 for what the system has available.
     pub memory_limit: u64,
@@ -210,7 +210,8 @@ describe!(cairn_world_memory, [], {
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for an operating point that does not fit the
 /// world, and for more slices than the transformer can have; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE;
 /// CAIRN_ERROR_UNSUPPORTED for another version of the format, a precision the bundle does not have or that CAIRN_WORLD_CHECK_PRECISION
-/// refuses, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with the numbers; CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
+/// refuses, joined passes that the bundle does not have, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with the numbers;
+/// CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_world_load(
@@ -375,7 +376,6 @@ fn load(
     });
     point.check_for(bundle.geometry())?;
     let world_options = WorldOptions {
-        global_window: Some(point.global_window),
         precision: precision(options.precision, "options.precision")?,
         memory_limit: Some(options.memory_limit).filter(|limit| *limit > 0),
         fit_window: options.flags & CAIRN_WORLD_FIT_WINDOW != 0,
@@ -384,6 +384,7 @@ fn load(
         longest_submission: Some(options.longest_submission_us)
             .filter(|limit| *limit > 0)
             .map(|microseconds| Duration::from_micros(microseconds.into())),
+        ..WorldOptions::for_point(&point)
     };
     let prepared = Cell::new(0);
     let world = World::load_with(device, &bundle, world_options, &|total| {

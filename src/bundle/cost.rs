@@ -38,7 +38,7 @@ impl Bundle {
     pub fn cost(&self, precision: Precision, g: u32) -> Result<WorldCost> {
         self.geometry().check_window(g)?;
         let [pass, encode, decode] =
-            GraphKind::ALL.map(|kind| self.footprint(kind, precision, g).map(|footprint| footprint.cost));
+            GraphKind::REQUIRED.map(|kind| self.footprint(kind, precision, g).map(|footprint| footprint.cost));
         Ok(WorldCost { pass: pass?, encode: encode?, decode: decode? })
     }
 }

@@ -236,7 +236,7 @@ pub struct Quantisation {
     pub kept_in_16_bits: Vec<String>,
 }
 
-/// File names of the three models in one precision.
+/// File names of the models in one precision.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GraphFiles {
@@ -246,6 +246,9 @@ pub struct GraphFiles {
     pub encoder: String,
     /// Latent to pictures.
     pub decoder: String,
+    /// The transformer with two latents at once, if the bundle has it: in both precisions or in none.
+    #[serde(default, deserialize_with = "non_null", skip_serializing_if = "Option::is_none")]
+    pub joined: Option<String>,
 }
 
 /// One file of the bundle.
@@ -300,17 +303,18 @@ impl Graphs {
         Precision::ALL
             .into_iter()
             .filter_map(|p| self.of(p).map(|files| (p, files)))
-            .flat_map(|(p, files)| GraphKind::ALL.into_iter().map(move |kind| (p, kind, files.of(kind))))
+            .flat_map(|(p, files)| GraphKind::ALL.into_iter().filter_map(move |kind| Some((p, kind, files.of(kind)?))))
     }
 }
 
 impl GraphFiles {
-    /// The file name of one model.
-    pub fn of(&self, kind: GraphKind) -> &str {
+    /// The file name of one model; `None` if there is none of that kind.
+    pub fn of(&self, kind: GraphKind) -> Option<&str> {
         match kind {
-            GraphKind::Transformer => &self.transformer,
-            GraphKind::Encoder => &self.encoder,
-            GraphKind::Decoder => &self.decoder,
+            GraphKind::Transformer => Some(&self.transformer),
+            GraphKind::Encoder => Some(&self.encoder),
+            GraphKind::Decoder => Some(&self.decoder),
+            GraphKind::Joined => self.joined.as_deref(),
         }
     }
 }
@@ -346,7 +350,7 @@ impl std::fmt::Display for Precision {
     }
 }
 
-/// One of the three graphs of a bundle.
+/// One of the graphs of a bundle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum GraphKind {
     /// One pass of the world model.
@@ -355,11 +359,21 @@ pub enum GraphKind {
     Encoder,
     /// Latent to pictures.
     Decoder,
+    /// The cache pass of one latent and the first denoise pass of the next at once. Not every bundle has it.
+    Joined,
 }
 
 impl GraphKind {
-    /// All three, in the order of the manifest.
-    pub const ALL: [Self; 3] = [Self::Transformer, Self::Encoder, Self::Decoder];
+    /// All, in the order of the manifest.
+    pub const ALL: [Self; 4] = [Self::Transformer, Self::Encoder, Self::Decoder, Self::Joined];
+
+    /// Those that every bundle has, in the order of the manifest.
+    pub const REQUIRED: [Self; 3] = [Self::Transformer, Self::Encoder, Self::Decoder];
+
+    /// Latents of one run.
+    pub(super) fn latents(self) -> u32 {
+        if self == Self::Joined { 2 } else { 1 }
+    }
 }
 
 impl std::fmt::Display for GraphKind {
@@ -368,6 +382,7 @@ impl std::fmt::Display for GraphKind {
             Self::Transformer => "transformer",
             Self::Encoder => "encoder",
             Self::Decoder => "decoder",
+            Self::Joined => "joined",
         })
     }
 }

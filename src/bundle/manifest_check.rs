@@ -298,6 +298,11 @@ fn check_files(m: &Manifest) -> Result<()> {
             return bad(&field, format!("`{path}` is named for two graphs"));
         }
     }
+    if let Some(f16) = &m.graphs.f16
+        && f16.joined.is_some() != m.graphs.f32.joined.is_some()
+    {
+        return bad("graphs.f16.joined", "one precision has a joined graph, and the other not");
+    }
     let spdx = m.licence.spdx.chars().count();
     if !(1..=200).contains(&spdx) || !m.licence.spdx.bytes().all(|b| matches!(b, b' '..=b'~')) {
         return bad("licence.spdx", "a licence expression has 1 to 200 printable ASCII characters");

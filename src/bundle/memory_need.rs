@@ -29,6 +29,9 @@ pub enum Processor {
 /// total         = bundle + the sum of these
 /// ```
 ///
+/// With joined passes, `weights`, `intermediates` and `unpacked` are the sums of both graphs, except that a GPU has the weights once; there are
+/// three times the slabs.
+///
 /// `arena` is the overhead of the runtime's allocator: it grows during the first run and from the second on holds one planned block
 /// as well (measured with ONNX Runtime 1.24: 2.3 times the intermediates in total). During loading the runtime briefly holds weights
 /// in both types.
@@ -138,6 +141,17 @@ impl Geometry {
     }
 }
 
+/// The graphs that a world's passes are run with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Passes {
+    /// The transformer as it is.
+    Whole,
+    /// The transformer in so many slices, at least 1.
+    Slices(u32),
+    /// The transformer and the joined graph.
+    Joined,
+}
+
 /// Memory of the transformer, of all slices.
 struct Need {
     weights: u64,
@@ -175,27 +189,34 @@ impl Bundle {
     /// `InvalidArgument` for a window that the bundle does not allow; `Unsupported` if it lacks the precision; `InvalidBundle` if a graph's
     /// shapes are inconsistent at this window.
     pub fn memory_need(&self, precision: Precision, processor: Processor, g: u32) -> Result<MemoryNeed> {
-        self.memory_need_in(precision, processor, g, 1)
+        self.memory_need_in(precision, processor, g, Passes::Whole)
     }
 
-    /// As [`memory_need`](Self::memory_need), with the transformer in `slices` slices.
+    /// As [`memory_need`](Self::memory_need), with the transformer loaded for such `passes`.
     ///
     /// # Errors
-    /// As [`memory_need`](Self::memory_need), and `InvalidArgument` for a number of slices that the transformer cannot have.
+    /// As [`memory_need`](Self::memory_need), `InvalidArgument` for a number of slices that the transformer cannot have, and `Unsupported` for
+    /// joined passes if the bundle has no joined graphs.
     pub fn memory_need_in(
         &self,
         precision: Precision,
         processor: Processor,
         g: u32,
-        slices: u32,
+        passes: Passes,
     ) -> Result<MemoryNeed> {
         let geometry = self.geometry();
         geometry.check_window(g)?;
-        let [transformer, encoder, decoder] = GraphKind::ALL.map(|kind| self.footprint(kind, precision, g));
+        let [transformer, encoder, decoder] = GraphKind::REQUIRED.map(|kind| self.footprint(kind, precision, g));
         let (transformer, encoder, decoder) = (transformer?, encoder?, decoder?);
-        let transformer = match slices {
-            1 => Need::of(&[transformer], processor),
-            _ => Need::in_slices(&self.splitting(precision, g)?.split(slices)?, processor),
+        let transformer = match passes {
+            Passes::Whole | Passes::Slices(1) => Need::of(&[transformer], processor),
+            Passes::Slices(slices) => Need::in_slices(&self.splitting(precision, g)?.split(slices)?, processor),
+            Passes::Joined => {
+                let joined = self.footprint(GraphKind::Joined, precision, g)?;
+                let both = Need::of(&[transformer, joined], processor);
+                // A graphics device has the weights once, as inputs of both sessions.
+                if processor == Processor::Gpu { Need { weights: transformer.weights, ..both } } else { both }
+            }
         };
 
         let number = precision.bytes() as u64;
@@ -203,6 +224,8 @@ impl Bundle {
         // Products cannot overflow: the manifest's limits keep each below 2^60. Sums saturate.
         let ring = (0..geometry.layers).map(|i| geometry.past_len(i, g) * pairs).fold(0, u64::saturating_add);
         let slabs = u64::from(geometry.layers).saturating_mul(geometry.slab_len() * pairs);
+        // Those of a finished latent, and those that its commit replaces.
+        let slabs = slabs.saturating_mul(if passes == Passes::Joined { 3 } else { 1 });
         let others = [&encoder, &decoder];
         let weights = others.map(|f: &Footprint| f.weights).into_iter().fold(transformer.weights, u64::saturating_add);
         let unpacked = others.map(|f| f.unpacked.on(processor)).into_iter().fold(transformer.unpacked, u64::max);

@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 pub use cost::{GraphCost, WorldCost};
 pub use manifest::*;
-pub use memory_need::{MemoryNeed, Processor, available_memory};
+pub use memory_need::{MemoryNeed, Passes, Processor, available_memory};
 pub(crate) use onnx::{
     DataType, IntermediateTensor, ModelWithPeaks, ModelWriter, SliceModel, SliceTensor, Slices, largest_weight,
     with_split_k, without_fused_products,
@@ -121,9 +121,14 @@ impl Bundle {
     /// One model and the files of its weights.
     ///
     /// # Errors
-    /// `Unsupported` where the bundle has no graphs of that precision.
+    /// `Unsupported` where the bundle has no graphs of that precision, or no joined ones.
     pub fn model(&self, kind: GraphKind, precision: Precision) -> Result<ModelSource<'_>> {
         let model = self.models.iter().find(|m| (m.kind, m.precision) == (kind, precision)).ok_or_else(|| {
+            if kind == GraphKind::Joined && self.has(precision) {
+                return Error::new(ErrorKind::Unsupported, "the bundle has no joined graphs")
+                    .field(format!("graphs.{precision}.joined"))
+                    .remedy("Add them with `python -m cairn.build rebuild --joined`, or use another cache mode");
+            }
             Error::new(ErrorKind::Unsupported, format!("the bundle has no {precision} graphs"))
                 .field(format!("graphs.{precision}"))
                 .remedy("Build the bundle with both precisions, or run it on a device that takes the other")

@@ -107,6 +107,7 @@ impl Backend for CpuBackend {
         dimensions: &[(&str, usize)],
         inputs: Vec<TensorSpec>,
         outputs: Vec<TensorSpec>,
+        _shared: Option<&Arc<Graph>>,
     ) -> Result<Arc<Graph>> {
         let builder = make("prepare a session", || self.session(dimensions))?;
         Graph::commit(builder, what, model, inputs, &[], outputs).map(Arc::new)

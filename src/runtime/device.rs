@@ -24,6 +24,7 @@ pub(super) trait Backend: Send + Sync {
         dimensions: &[(&str, usize)],
         inputs: Vec<TensorSpec>,
         outputs: Vec<TensorSpec>,
+        shared: Option<&Arc<Graph>>,
     ) -> Result<Arc<Graph>>;
 
     fn context(&self, longest_submission: Option<Duration>) -> Result<Box<dyn ExecutionContext>>;
@@ -278,7 +279,20 @@ impl Device {
         inputs: Vec<TensorSpec>,
         outputs: Vec<TensorSpec>,
     ) -> Result<Arc<Graph>> {
-        self.backend.graph(what, model, dimensions, inputs, outputs)
+        self.backend.graph(what, model, dimensions, inputs, outputs, None)
+    }
+
+    /// As [`graph`](Self::graph), with the weights of `shared`, a graph of this device, if both have the same ones and the device can share them.
+    pub(crate) fn graph_sharing(
+        &self,
+        what: &str,
+        model: &ModelSource<'_>,
+        dimensions: &[(&str, usize)],
+        inputs: Vec<TensorSpec>,
+        outputs: Vec<TensorSpec>,
+        shared: Option<&Arc<Graph>>,
+    ) -> Result<Arc<Graph>> {
+        self.backend.graph(what, model, dimensions, inputs, outputs, shared)
     }
 
     pub(crate) fn context(&self) -> Result<Box<dyn ExecutionContext>> {

@@ -114,6 +114,11 @@ pub(crate) trait ExecutionContext: Send {
     /// Runs recorded copies, each once: all or nothing.
     fn run_copies(&mut self, copies: &[RecordedCopiesId]) -> Result<()>;
 
+    /// As [`run_copies`](Self::run_copies), to undo other copies. Allocates nothing, because it runs after failures.
+    fn undo_copies(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
+        self.run_copies(copies)
+    }
+
     /// Copies the contents of buffers, for [`restore_backup`](Self::restore_backup).
     fn back_up(&mut self, of: &[BufferId]) -> Result<Backup>;
 

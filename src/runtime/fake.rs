@@ -63,8 +63,9 @@ impl Backend for FakeBackend {
         dimensions: &[(&str, usize)],
         inputs: Vec<TensorSpec>,
         outputs: Vec<TensorSpec>,
+        shared: Option<&Arc<Graph>>,
     ) -> Result<Arc<Graph>> {
-        self.inner.graph(what, model, dimensions, inputs, outputs)
+        self.inner.graph(what, model, dimensions, inputs, outputs, shared)
     }
 
     fn context(&self, longest_submission: Option<Duration>) -> Result<Box<dyn ExecutionContext>> {

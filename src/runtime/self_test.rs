@@ -37,7 +37,7 @@ pub(super) fn run_on_cpu(ort: &Ort) -> Result<()> {
     let [x, y] = ["x", "y"].map(|name| TensorSpec::new(name, Precision::F32, &[LENGTH]));
     let onnx = model(Precision::F32);
     let source = ModelSource { onnx: &onnx, external: Vec::new() };
-    let graph = backend.graph("self-test", &source, &[], vec![x], vec![y])?;
+    let graph = backend.graph("self-test", &source, &[], vec![x], vec![y], None)?;
     let mut context = backend.context(None)?;
     let [given, expected] = input_and_output(Precision::F32);
     let (x, y) = (context.buffer(given.len())?, context.buffer(expected.len())?);

@@ -67,6 +67,10 @@ impl ExecutionContext for StoppableContext {
         self.inner.back_up(of)
     }
 
+    fn undo_copies(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
+        self.inner.undo_copies(copies)
+    }
+
     fn restore_backup(&mut self, backup: Backup) -> Result<()> {
         self.inner.restore_backup(backup)
     }

@@ -63,7 +63,12 @@ impl Shapes {
 
     /// Keys a layer attends to: its ring and the current latent.
     pub(super) fn attended_keys(&self, global: bool) -> usize {
-        (self.slot_count(global) + 1) * self.tokens
+        self.keys_with(global, 1)
+    }
+
+    /// Keys of a layer's ring and of so many latents.
+    pub(super) fn keys_with(&self, global: bool, latents: usize) -> usize {
+        (self.slot_count(global) + latents) * self.tokens
     }
 
     /// Values of K, or of V, of one latent in one layer: `[kv_heads, T, head_width]`.
@@ -87,28 +92,43 @@ impl Shapes {
     }
 }
 
-/// The symbolic dimensions of the transformer's inputs, and their values.
-pub(super) fn dimensions(s: &Shapes) -> [(&'static str, usize); 4] {
+/// Latents that a joined graph runs.
+pub(super) const JOINED_LATENTS: usize = 2;
+
+/// The symbolic dimensions of the inputs of a transformer that runs `latents` latents, and their values.
+pub(super) fn dimensions(s: &Shapes, latents: usize) -> [(&'static str, usize); 4] {
     [
         ("local_past", s.local_slots * s.tokens),
-        ("local_keys", s.attended_keys(false)),
+        ("local_keys", s.keys_with(false, latents)),
         ("global_past", s.global_slots * s.tokens),
-        ("global_keys", s.attended_keys(true)),
+        ("global_keys", s.keys_with(true, latents)),
     ]
 }
 
 pub(super) fn transformer(geometry: &Geometry, s: &Shapes, f: Precision) -> GraphSpec {
+    passes(geometry, s, f, 1)
+}
+
+/// The joined graph: the transformer with a finished latent beside the one that it makes.
+pub(super) fn joined(geometry: &Geometry, s: &Shapes, f: Precision) -> GraphSpec {
+    let mut spec = passes(geometry, s, f, JOINED_LATENTS);
     let [c, h, w] = s.latent;
-    let rope = [1, 1, s.tokens, s.head_width / 2];
+    spec.inputs.insert(1, TensorSpec::new("finished", f, &[1, c, h, w]));
+    spec
+}
+
+fn passes(geometry: &Geometry, s: &Shapes, f: Precision, latents: usize) -> GraphSpec {
+    let [c, h, w] = s.latent;
+    let rope = [1, 1, latents * s.tokens, s.head_width / 2];
     let mut inputs = vec![
         TensorSpec::new("x", f, &[1, c, h, w]),
-        TensorSpec::new("sigma", Precision::F32, &[1]),
+        TensorSpec::new("sigma", Precision::F32, &[latents]),
         TensorSpec::new("dsigma", Precision::F32, &[1]),
         TensorSpec::new("rope_cos", Precision::F32, &rope),
         TensorSpec::new("rope_sin", Precision::F32, &rope),
-        TensorSpec::new("controls", Precision::F32, &[1, s.controls]),
-        TensorSpec::new("local_mask", f, &[1, 1, 1, s.attended_keys(false)]),
-        TensorSpec::new("global_mask", f, &[1, 1, 1, s.attended_keys(true)]),
+        TensorSpec::new("controls", Precision::F32, &[latents, s.controls]),
+        TensorSpec::new("local_mask", f, &[1, latents, 1, s.keys_with(false, latents)]),
+        TensorSpec::new("global_mask", f, &[1, latents, 1, s.keys_with(true, latents)]),
     ];
     let mut outputs = vec![TensorSpec::new("x_next", f, &[1, c, h, w])];
     for i in 0..geometry.layers {

@@ -104,7 +104,7 @@ impl Reference {
         spec.outputs.extend(peaks.map(|i| TensorSpec::new(ModelWithPeaks::output(i), Precision::F32, &[])));
         let ModelSource { external, .. } = bundle.model(GraphKind::Transformer, Precision::F32)?;
         let source = ModelSource { onnx: &with_peaks.onnx, external };
-        let dimensions = graph_spec::dimensions(&shapes);
+        let dimensions = graph_spec::dimensions(&shapes, 1);
         let GraphSpec { inputs, outputs } = spec.clone();
         let graph = device.graph("transformer in f32", &source, &dimensions, inputs, outputs)?;
         let transformer = Transformer::whole(graph, spec);

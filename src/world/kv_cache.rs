@@ -29,7 +29,31 @@ pub(super) struct KvCache {
     slabs: Vec<BufferId>,
     /// For each slot, the recorded copies of all local layers' slabs to it; then the same for global layers.
     commits: [Vec<RecordedCopiesId>; 2],
+    deferred: Option<DeferredCommits>,
 }
+
+/// Commits that are made between two passes of a later step, and that can be undone.
+struct DeferredCommits {
+    /// Slabs of the finished latent, bound as `present` of the joined graph.
+    slabs: Vec<BufferId>,
+    /// Copies for each slot of local layers, then of global ones.
+    slots: [Vec<SlotCopies>; 2],
+}
+
+/// Recorded copies of one slot, of all layers of one kind.
+#[derive(Clone, Copy)]
+struct SlotCopies {
+    /// The ring's contents to a backup.
+    back_up: RecordedCopiesId,
+    /// The finished latent's slabs to the ring.
+    commit: RecordedCopiesId,
+    /// The backup to the ring.
+    undo: RecordedCopiesId,
+}
+
+/// A deferred commit that was made, and can be undone.
+#[must_use]
+pub(super) struct MadeCommit(Vec<SlotCopies>);
 
 impl KvCache {
     pub(super) fn new(context: &mut dyn ExecutionContext, world: &World) -> Result<Self> {
@@ -57,7 +81,36 @@ impl KvCache {
             (0..shapes.slot_count(global)).map(to_slot).collect::<Result<Vec<_>>>()
         };
         let commits = [commits(false)?, commits(true)?];
-        Ok(Self { rings, slabs, commits })
+        let deferred =
+            world.joined.is_some().then(|| DeferredCommits::new(context, shapes, element, &rings)).transpose()?;
+        Ok(Self { rings, slabs, commits, deferred })
+    }
+
+    /// The slabs in the order of the joined graph's `present` outputs.
+    pub(super) fn finished_slabs(&self) -> impl Iterator<Item = BufferId> + '_ {
+        self.deferred.iter().flat_map(|deferred| &deferred.slabs).copied()
+    }
+
+    /// Copies the finished latent's slabs into ring slots, one for local and one for global layers: all or nothing.
+    pub(super) fn commit_finished(
+        &self,
+        context: &mut dyn ExecutionContext,
+        local: Option<usize>,
+        global: Option<usize>,
+    ) -> Result<MadeCommit> {
+        let [locals, globals] = &self.deferred.as_ref().expect("the world has the joined graph").slots;
+        let slots = [local.map(|slot| locals[slot]), global.map(|slot| globals[slot])];
+        let slots: Vec<SlotCopies> = slots.into_iter().flatten().collect();
+        let each = |copies: fn(&SlotCopies) -> RecordedCopiesId| slots.iter().map(copies).collect::<Vec<_>>();
+        context.run_copies(&each(|slot| slot.back_up))?;
+        context.run_copies(&each(|slot| slot.commit))?;
+        Ok(MadeCommit(slots))
+    }
+
+    /// Restores what the ring slots had before `made`.
+    pub(super) fn undo(context: &mut dyn ExecutionContext, made: &MadeCommit) -> Result<()> {
+        let copies: Vec<_> = made.0.iter().map(|slot| slot.undo).collect();
+        context.undo_copies(&copies)
     }
 
     /// The rings in the order of the transformer's `past` inputs.
@@ -95,6 +148,43 @@ impl KvCache {
             (Some(slot), None) | (None, Some(slot)) => context.run_copies(&[slot, others]),
             (None, None) => context.run_copies(&[others]),
         }
+    }
+}
+
+impl DeferredCommits {
+    fn new(context: &mut dyn ExecutionContext, shapes: Shapes, element: usize, rings: &[LayerRing]) -> Result<Self> {
+        let mut slabs_of_all =
+            || -> Result<Vec<BufferId>> { rings.iter().map(|_| context.buffer(shapes.slab_len() * element)).collect() };
+        let (slabs, backups) = (slabs_of_all()?, slabs_of_all()?);
+        let mut of_kind = |global: bool| {
+            let mut record = |from_ring: bool, slabs: &[BufferId], slot: usize| {
+                let selected = rings.iter().zip(slabs).filter(|(ring, _)| ring.global == global);
+                let copy = |(ring, slab): (&LayerRing, &BufferId)| {
+                    let to_ring = regions(&shapes, element, global, slot);
+                    let turned = |r: Region| Region { to: r.from, from: r.to, len: r.len };
+                    match from_ring {
+                        false => RecordedCopy { to: ring.buffer, from: *slab, regions: to_ring },
+                        true => RecordedCopy {
+                            to: *slab,
+                            from: ring.buffer,
+                            regions: to_ring.into_iter().map(turned).collect(),
+                        },
+                    }
+                };
+                context.record_copies(selected.map(copy).collect())
+            };
+            (0..shapes.slot_count(global))
+                .map(|slot| {
+                    Ok(SlotCopies {
+                        back_up: record(true, &backups, slot)?,
+                        commit: record(false, &slabs, slot)?,
+                        undo: record(false, &backups, slot)?,
+                    })
+                })
+                .collect::<Result<Vec<_>>>()
+        };
+        let slots = [of_kind(false)?, of_kind(true)?];
+        Ok(Self { slabs, slots })
     }
 }
 

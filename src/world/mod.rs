@@ -13,6 +13,7 @@ mod fixture;
 mod governor;
 mod graph_spec;
 mod half_precision;
+mod joined_pass;
 mod kv_cache;
 mod latent_budget;
 mod missing_operator;
@@ -45,7 +46,7 @@ pub use operating_point::{
     CacheMode, Counts, GuidanceSource, MAX_INTERVAL, MAX_LATENT_RATE, MAX_PRESENTED_RATE, OperatingPoint, Presentation,
     global_slots, parse_global_window,
 };
-pub use plan::{CachePass, Planner, RingPlan, StepPlan};
+pub use plan::{CachePass, PendingPlan, Planner, RingPlan, StepPlan};
 pub use preset::Preset;
 pub use resize::Bilinear;
 pub use ring::{MAX_SLOTS, Ring};

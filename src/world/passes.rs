@@ -2,8 +2,9 @@
 
 use super::convert::{self, Uploader};
 use super::graph_spec::Shapes;
+use super::joined_pass::JoinedPass;
 use super::kv_cache::KvCache;
-use super::plan::{RingPlan, StepPlan};
+use super::plan::{PendingPlan, RingPlan, StepPlan};
 use super::rope::RopeTable;
 use super::schedule::MAX_POINTS;
 use super::transformer::PassBinding;
@@ -38,6 +39,7 @@ pub(super) struct Passes {
     table: BufferId,
     /// `bindings[i]` reads `x[i]` and writes the other.
     bindings: [PassBinding; 2],
+    joined: Option<JoinedPass>,
     uploader: Uploader,
     staging: Staging,
 }
@@ -53,7 +55,13 @@ struct Staging {
 }
 
 impl Passes {
-    pub(super) fn new(context: &mut dyn ExecutionContext, world: &World, kv: &KvCache) -> Result<Self> {
+    /// `finished` has the last latent from the end of its step on.
+    pub(super) fn new(
+        context: &mut dyn ExecutionContext,
+        world: &World,
+        kv: &KvCache,
+        finished: BufferId,
+    ) -> Result<Self> {
         let (shapes, precision) = (world.shapes, world.precision());
         let (element, f32_size) = (element_size(precision), element_size(Precision::F32));
         let rope = RopeTable::new(&world.manifest().geometry)?;
@@ -73,6 +81,11 @@ impl Passes {
             world.transformer.bind(context, &tensors, &intermediates)
         };
         let bindings = [bind(x[0], x[1])?, bind(x[1], x[0])?];
+        let joined = world
+            .joined
+            .as_ref()
+            .map(|joined| JoinedPass::new(context, joined, (shapes, precision), kv, x, finished))
+            .transpose()?;
         let staging = Staging {
             x: convert::zeroed(shapes.latent_len())?,
             rope_cos: convert::zeroed(rope.len())?,
@@ -96,6 +109,7 @@ impl Passes {
             global_mask,
             table,
             bindings,
+            joined,
             uploader: Uploader::new(precision, largest)?,
             staging,
         })
@@ -136,15 +150,31 @@ impl Passes {
         context.upload(self.table, 0, bytemuck::cast_slice(&s.table))
     }
 
-    /// Runs the denoise passes of the prepared plan, starting from its noise if it has any.
-    pub(super) fn denoise(&mut self, context: &mut dyn ExecutionContext, plan: &StepPlan) -> Result<()> {
+    /// Uploads the noise that the prepared plan starts from, if any.
+    pub(super) fn start(&mut self, context: &mut dyn ExecutionContext, plan: &StepPlan) -> Result<()> {
+        let Some(key) = plan.noise else { return Ok(()) };
+        key.fill(&mut self.staging.x);
+        // Starts in the buffer from which n passes end in the first one.
+        self.uploader.upload(context, self.x[plan.sigmas.len() % 2], &self.staging.x)
+    }
+
+    /// Runs the first denoise pass of the prepared plan together with the cache pass of the finished latent, whose K and V are in the finished
+    /// slabs then. For an append, which has no denoise pass, it only makes these.
+    pub(super) fn joined_pass(
+        &mut self,
+        context: &mut dyn ExecutionContext,
+        plan: &StepPlan,
+        pending: &PendingPlan,
+    ) -> Result<()> {
+        let joined = self.joined.as_mut().expect("a rollout with deferred commits is of a world with the joined graph");
+        joined.prepare(context, &self.rope, plan, pending)?;
+        joined.run(context, plan.sigmas.len() % 2)
+    }
+
+    /// Runs the denoise passes of the prepared plan from pass `first` on.
+    pub(super) fn denoise(&self, context: &mut dyn ExecutionContext, plan: &StepPlan, first: usize) -> Result<()> {
         let n = plan.sigmas.len();
-        if let Some(key) = plan.noise {
-            key.fill(&mut self.staging.x);
-            // Starts in the buffer from which n passes end in the first one.
-            self.uploader.upload(context, self.x[n % 2], &self.staging.x)?;
-        }
-        (0..n).try_for_each(|pass| self.run(context, pass, (n - pass) % 2))
+        (first..n).try_for_each(|pass| self.run(context, pass, (n - pass) % 2))
     }
 
     /// Runs the extra pass on the finished latent, at the noise level of `prepare`'s `extra_row`. A cache pass uses its slabs and

@@ -78,7 +78,7 @@ impl TransformerSource<'_> {
     pub(super) fn load(&self, slices: u32, proceed: &dyn Fn() -> Result<()>) -> Result<Transformer> {
         let source = self.bundle.model(GraphKind::Transformer, self.precision)?;
         let spec = graph_spec::transformer(&self.manifest().geometry, self.shapes, self.precision);
-        let dimensions = graph_spec::dimensions(self.shapes);
+        let dimensions = graph_spec::dimensions(self.shapes, 1);
         if slices == 1 {
             proceed()?;
             let GraphSpec { inputs, outputs } = spec.clone();
@@ -112,6 +112,20 @@ impl TransformerSource<'_> {
         };
         let slices = models.iter().enumerate().map(make).collect::<Result<_>>()?;
         Ok(Transformer { slices, tensors: whole, inputs, intermediates: buffer_sizes })
+    }
+
+    /// Makes the session of the joined graph, which uses the weights of `transformer` where its device can share them.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load), and `Unsupported` if the bundle has no joined graph.
+    pub(super) fn load_joined(&self, transformer: &Transformer) -> Result<Transformer> {
+        let source = self.bundle.model(GraphKind::Joined, self.precision)?;
+        let spec = graph_spec::joined(&self.manifest().geometry, self.shapes, self.precision);
+        let dimensions = graph_spec::dimensions(self.shapes, graph_spec::JOINED_LATENTS);
+        let GraphSpec { inputs, outputs } = spec.clone();
+        let shared = transformer.slices.first().map(|slice| &slice.graph);
+        let graph = self.device.graph_sharing("joined pass", &source, &dimensions, inputs, outputs, shared)?;
+        Ok(Transformer::whole(graph, spec))
     }
 
     /// Makes the sessions of as few slices as keep the longest within `limit`, and returns the measured time of the longest one. The whole

@@ -7,9 +7,9 @@ use std::time::Duration;
 use super::graph_spec::{self, GraphSpec, Shapes};
 use super::half_precision::{HalfPrecision, Reference};
 use super::missing_operator;
-use super::operating_point::OperatingPoint;
+use super::operating_point::{CacheMode, OperatingPoint};
 use super::transformer::{Transformer, TransformerSource};
-use crate::bundle::{Bundle, GraphKind, Manifest, MemoryNeed, Precision, Processor, available_memory};
+use crate::bundle::{Bundle, GraphKind, Manifest, MemoryNeed, Passes, Precision, Processor, available_memory};
 use crate::runtime::{Device, Graph};
 use crate::{Error, ErrorKind, Result};
 
@@ -43,6 +43,17 @@ pub struct WorldOptions {
     /// this world also wait before they have more work than this on the queue at a time, as with
     /// `DirectMlOptions::longest_submission`.
     pub longest_submission: Option<Duration>,
+    /// Whether the joined graph is loaded as well, for rollouts with [`CacheMode::Joined`](super::CacheMode::Joined). It needs one more session, and
+    /// on a processor its own copy of the weights. Joined passes are not divided into slices.
+    pub joined: bool,
+}
+
+impl WorldOptions {
+    /// Options of a world for rollouts at `point`: its window, and joined passes if it has them.
+    pub fn for_point(point: &OperatingPoint) -> Self {
+        let joined = point.cache_mode == CacheMode::Joined;
+        Self { global_window: Some(point.global_window), joined, ..Self::default() }
+    }
 }
 
 /// A loaded bundle: sessions, weights and geometry.
@@ -61,6 +72,8 @@ pub struct World {
     longest_submission: Option<Duration>,
     longest_slice: Option<Duration>,
     pub(super) transformer: Transformer,
+    /// The joined graph, if it was asked for.
+    pub(super) joined: Option<Transformer>,
     pub(super) encoder: Arc<Graph>,
     pub(super) decoder: Arc<Graph>,
 }
@@ -100,9 +113,15 @@ impl World {
                 .remedy("Use another precision, or build the bundle with it"));
         }
         let global_window = options.global_window.unwrap_or(geometry.global.window);
+        if options.joined && (options.slices.is_some_and(|slices| slices > 1) || options.longest_submission.is_some()) {
+            return Err(Error::new(ErrorKind::InvalidArgument, "joined passes are not divided into slices")
+                .field("joined")
+                .remedy("Load it without a limit on submissions and in one slice, or without joined passes"));
+        }
         let processor = if device.is_gpu() { Processor::Gpu } else { Processor::Cpu };
         let fits_in = |precision, g: u32, slices: u32| {
-            let need = bundle.memory_need_in(precision, processor, g, slices)?;
+            let passes = if options.joined { Passes::Joined } else { Passes::Slices(slices) };
+            let need = bundle.memory_need_in(precision, processor, g, passes)?;
             // Available memory already excludes the loaded bundle.
             let limit = options.memory_limit.or_else(|| Some(available_memory()?.saturating_add(need.bundle)));
             limit.map_or(Ok(()), |limit| need.check_fits(limit))?;
@@ -118,7 +137,8 @@ impl World {
         let shapes = Shapes::new(manifest, global_window);
         let is_checked = options.check_precision && precision == Precision::F16;
         // Encoder, decoder, and what the transformer and the check add.
-        let sessions = Cell::new(2 + u64::from(is_checked) + u64::from(options.slices.unwrap_or(1)));
+        let others = 2 + u64::from(is_checked) + u64::from(options.joined);
+        let sessions = Cell::new(others + u64::from(options.slices.unwrap_or(1)));
         let proceed = || proceed(sessions.get());
         let explain = |error| missing_operator::explain(error, manifest, &device.describe());
         let reference = match is_checked {
@@ -156,6 +176,13 @@ impl World {
             }
             (slices, _) => (source.load(slices.unwrap_or(1), &proceed).map_err(explain)?, None),
         };
+        let joined = match options.joined {
+            true => {
+                proceed()?;
+                Some(source.load_joined(&transformer).map_err(explain)?)
+            }
+            false => None,
+        };
         let half_precision = reference.map(|made| made.compare(device, &transformer, manifest, &shapes)).transpose()?;
         if let Some(found) = &half_precision {
             log::info!("f16 beside f32 on {}: {found:?}", device.describe());
@@ -176,6 +203,7 @@ impl World {
             longest_submission: options.longest_submission,
             longest_slice,
             transformer,
+            joined,
             encoder,
             decoder,
         }))
@@ -191,6 +219,11 @@ impl World {
             )
             .field("global_window")
             .remedy("Load the world with the operating point's global window"));
+        }
+        if point.cache_mode == CacheMode::Joined && self.joined.is_none() {
+            return Err(Error::new(ErrorKind::InvalidArgument, "the world was loaded without joined passes")
+                .field("cache_mode")
+                .remedy("Load the world with them, or use the cache mode separate"));
         }
         Ok(())
     }

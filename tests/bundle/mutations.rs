@@ -104,6 +104,7 @@ fn parsed(toy: &ToyBundle) -> Manifest {
 }
 
 fn models() -> Vec<(String, GraphKind, Precision)> {
-    let all = Precision::ALL.into_iter().flat_map(|p| GraphKind::ALL.map(|kind| (format!("{kind}.{p}.onnx"), kind, p)));
+    let all =
+        Precision::ALL.into_iter().flat_map(|p| GraphKind::REQUIRED.map(|kind| (format!("{kind}.{p}.onnx"), kind, p)));
     all.collect()
 }

@@ -124,7 +124,7 @@ pub(super) fn check_blocks(
         }
     }
     let has_products = graph.nodes.iter().any(|node| node.operator == NBITS);
-    if kind == GraphKind::Transformer && stated.is_some() && !has_products {
+    if matches!(kind, GraphKind::Transformer | GraphKind::Joined) && stated.is_some() && !has_products {
         return Err(Fault::new(format!("the manifest states a `quantisation`, and the graph has no {NBITS}")));
     }
     Ok(found)

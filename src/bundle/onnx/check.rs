@@ -35,7 +35,7 @@ pub(in crate::bundle) struct ModelContext<'a> {
 
 impl ModelContext<'_> {
     fn path(&self) -> &str {
-        self.manifest.graphs.of(self.precision).map_or("", |files| files.of(self.kind))
+        self.manifest.graphs.of(self.precision).and_then(|files| files.of(self.kind)).unwrap_or_default()
     }
 
     /// The error for the model, with `cause`.
@@ -114,7 +114,7 @@ fn check_model(onnx: &[u8], context: ModelContext<'_>) -> CheckResult<ExternalDa
     for g in [window.dilation, window.window, window.max_window] {
         footprint_at(&model, context, g, &mut |_, _, _| ())?;
     }
-    if (context.kind, context.precision) == (GraphKind::Transformer, Precision::F16) {
+    if matches!(context.kind, GraphKind::Transformer | GraphKind::Joined) && context.precision == Precision::F16 {
         residual_stream(&model, context)?.check(context.manifest.residual, context.manifest.geometry.layers)?;
     }
     Ok(ExternalData { external, scales })
@@ -122,7 +122,7 @@ fn check_model(onnx: &[u8], context: ModelContext<'_>) -> CheckResult<ExternalDa
 
 /// The residual stream of a transformer.
 fn residual_stream<'a>(model: &'a Model<'a>, context: ModelContext<'_>) -> CheckResult<ResidualStream<'a>> {
-    let mut stream = ResidualStream::new(&context.manifest.geometry);
+    let mut stream = ResidualStream::new(&context.manifest.geometry, context.kind);
     visit_nodes(model, context, &mut |node, inputs, outputs| stream.read(node, inputs, outputs))?;
     Ok(stream)
 }

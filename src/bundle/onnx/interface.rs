@@ -19,8 +19,14 @@ pub(super) struct Port {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum PortDim {
     Fixed(u32),
-    Past { global: bool },
-    Keys { global: bool },
+    Past {
+        global: bool,
+    },
+    /// Keys of the past and of the latents that a run is of.
+    Keys {
+        global: bool,
+        latents: u32,
+    },
 }
 
 impl PortDim {
@@ -29,8 +35,8 @@ impl PortDim {
             Self::Fixed(_) => None,
             Self::Past { global: false } => Some("local_past"),
             Self::Past { global: true } => Some("global_past"),
-            Self::Keys { global: false } => Some("local_keys"),
-            Self::Keys { global: true } => Some("global_keys"),
+            Self::Keys { global: false, .. } => Some("local_keys"),
+            Self::Keys { global: true, .. } => Some("global_keys"),
         }
     }
 }
@@ -45,7 +51,7 @@ impl Interface {
     pub(super) fn of(kind: GraphKind, precision: Precision, manifest: &Manifest) -> Self {
         let f = DataType::from(precision);
         match kind {
-            GraphKind::Transformer => transformer(f, manifest),
+            GraphKind::Transformer | GraphKind::Joined => transformer(f, kind, manifest),
             GraphKind::Encoder => encoder(f, manifest),
             GraphKind::Decoder => decoder(f, manifest),
         }
@@ -73,7 +79,9 @@ impl Port {
         let length = |dim: &PortDim| match *dim {
             PortDim::Fixed(n) => u64::from(n),
             PortDim::Past { global } => geometry.slot_count(global, g) * u64::from(geometry.tokens),
-            PortDim::Keys { global } => (geometry.slot_count(global, g) + 1) * u64::from(geometry.tokens),
+            PortDim::Keys { global, latents } => {
+                (geometry.slot_count(global, g) + u64::from(latents)) * u64::from(geometry.tokens)
+            }
         };
         Shape { element: self.element, dims: self.dims.iter().map(length).collect() }
     }
@@ -89,22 +97,28 @@ fn rgb(f: DataType, m: &Manifest) -> Port {
     Port::fixed("rgb", f, &[PICTURES, 3, height, width])
 }
 
-fn transformer(f: DataType, m: &Manifest) -> Interface {
+fn transformer(f: DataType, kind: GraphKind, m: &Manifest) -> Interface {
     let g = &m.geometry;
-    let angles = [1, 1, g.tokens, g.head_width / 2];
+    let latents = kind.latents();
+    let angles = [1, 1, latents * g.tokens, g.head_width / 2];
     let mask = |name, global| {
-        Port::new(name, f, vec![PortDim::Fixed(1), PortDim::Fixed(1), PortDim::Fixed(1), PortDim::Keys { global }])
+        let keys = PortDim::Keys { global, latents };
+        Port::new(name, f, vec![PortDim::Fixed(1), PortDim::Fixed(latents), PortDim::Fixed(1), keys])
     };
-    let mut inputs = vec![
-        latent("x", f, m),
-        Port::fixed("sigma", DataType::F32, &[1]),
+    let controls = m.controls.mouse + m.controls.buttons + m.controls.scroll;
+    let mut inputs = vec![latent("x", f, m)];
+    if kind == GraphKind::Joined {
+        inputs.push(latent("finished", f, m));
+    }
+    inputs.extend([
+        Port::fixed("sigma", DataType::F32, &[latents]),
         Port::fixed("dsigma", DataType::F32, &[1]),
         Port::fixed("rope_cos", DataType::F32, &angles),
         Port::fixed("rope_sin", DataType::F32, &angles),
-        Port::fixed("controls", DataType::F32, &[1, m.controls.mouse + m.controls.buttons + m.controls.scroll]),
+        Port::fixed("controls", DataType::F32, &[latents, controls]),
         mask("local_mask", false),
         mask("global_mask", true),
-    ];
+    ]);
     let mut outputs = vec![latent("x_next", f, m)];
     for i in 0..g.layers {
         let past = PortDim::Past { global: g.is_global(i) };

@@ -59,7 +59,7 @@ impl Bundle {
 /// scores and shares are left out. They have bounds, because queries and keys are normalised, and are by far the largest values.
 fn half_values(onnx: &[u8], context: ModelContext<'_>) -> CheckResult<Vec<(HalfValue, Vec<u64>)>> {
     let model = proto::model(onnx)?;
-    let mut stream = ResidualStream::new(&context.manifest.geometry);
+    let mut stream = ResidualStream::new(&context.manifest.geometry, context.kind);
     let mut made: Vec<(&str, Vec<u64>)> = Vec::new();
     visit_nodes(&model, context, &mut |node, inputs, outputs| {
         stream.read(node, inputs, outputs);

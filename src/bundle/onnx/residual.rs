@@ -6,12 +6,13 @@ use super::operators::NBITS;
 use super::proto::Node;
 use super::shape_inference::Input;
 use super::{CheckResult, DataType, Fault, Shape, quoted};
-use crate::bundle::{Geometry, Residual};
+use crate::bundle::{Geometry, GraphKind, Residual};
 
 /// Finds the sums of the residual stream while the nodes of a transformer are read in order.
 ///
-/// The stream begins as the tokens: what `Conv`, `MatMul`, `Cast`, `Reshape` and `Transpose` make of `x`. A sum is an `Add` of two values
-/// `[1, T, D]`, neither of them a constant, one of which belongs to the stream. Norms end the stream, so a branch does not belong to it.
+/// The stream begins as the tokens: what `Conv`, `MatMul`, `Cast`, `Reshape`, `Transpose` and, in a joined graph, `Concat` make of `x`. A sum is
+/// an `Add` of two values `[latents, T, D]`, neither of them a constant, one of which belongs to the stream. Norms end the stream, so a branch
+/// does not belong to it.
 pub(super) struct ResidualStream<'a> {
     dims: [u64; 3],
     values: HashSet<&'a str>,
@@ -20,8 +21,8 @@ pub(super) struct ResidualStream<'a> {
 
 impl<'a> ResidualStream<'a> {
     /// The stream that starts at the input `x`.
-    pub(super) fn new(geometry: &Geometry) -> Self {
-        let dims = [1, geometry.tokens.into(), geometry.width.into()];
+    pub(super) fn new(geometry: &Geometry, kind: GraphKind) -> Self {
+        let dims = [kind.latents().into(), geometry.tokens.into(), geometry.width.into()];
         Self { dims, values: HashSet::from(["x"]), sums: Vec::new() }
     }
 
@@ -34,6 +35,8 @@ impl<'a> ResidualStream<'a> {
         let is_from_stream = node.inputs.iter().any(|name| self.values.contains(name));
         let continues = match node.operator {
             "Add" => is_from_stream,
+            // Of the two latents.
+            "Concat" => self.dims[0] > 1 && is_from_stream,
             "Cast" | "Reshape" | "Transpose" | "Conv" | "MatMul" | NBITS => self.values.contains(first),
             _ => false,
         };

@@ -1,6 +1,7 @@
 //! Data that the DirectML backend keeps with a graph.
 
 use std::ffi::{CStr, CString};
+use std::sync::Arc;
 
 use super::capture::CaptureQuota;
 use super::weights::Weights;
@@ -12,13 +13,13 @@ pub(super) struct DirectMlGraph {
     /// Name of its runs in GPU profilers.
     title: CString,
     captures: CaptureQuota,
-    weights: Weights,
+    weights: Arc<Weights>,
     run_lock: QuietMutex<()>,
 }
 
 impl DirectMlGraph {
     /// Data of the graph called `what`. Its session allows `captures`, and takes `weights` as inputs after the graph's own inputs.
-    pub(super) fn new(what: &str, captures: CaptureQuota, weights: Weights) -> Self {
+    pub(super) fn new(what: &str, captures: CaptureQuota, weights: Arc<Weights>) -> Self {
         Self {
             title: CString::new(format!("Cairn: {what}")).unwrap_or_default(),
             captures,
@@ -49,7 +50,7 @@ impl DirectMlGraph {
     }
 
     /// The weights that are bound as inputs.
-    pub(super) fn weights(&self) -> &Weights {
+    pub(super) fn weights(&self) -> &Arc<Weights> {
         &self.weights
     }
 }

@@ -164,6 +164,7 @@ impl Backend for DirectMlBackend {
         dimensions: &[(&str, usize)],
         inputs: Vec<TensorSpec>,
         outputs: Vec<TensorSpec>,
+        shared: Option<&Arc<Graph>>,
     ) -> Result<Arc<Graph>> {
         if let Some(gone) = self.device.removed() {
             return Err(gone);
@@ -189,7 +190,12 @@ impl Backend for DirectMlBackend {
             },
         };
         let with_data = |graph: Graph| {
-            let data = DirectMlGraph::new(what, captures, Weights::new(&self.gpu, &weights)?);
+            let shared = shared.map(|graph| DirectMlGraph::of(graph).weights()).filter(|shared| shared.are(&weights));
+            let weights = match shared {
+                Some(shared) => shared.clone(),
+                None => Arc::new(Weights::new(&self.gpu, &weights)?),
+            };
+            let data = DirectMlGraph::new(what, captures, weights);
             Ok(Arc::new(graph.with_data(data)))
         };
         graph.and_then(with_data).map_err(|e| self.device.removed().unwrap_or(e))

@@ -17,6 +17,8 @@ const MAX_IN_FLIGHT: usize = 64 << 20;
 /// Weights that a session takes as inputs. Each context that may run the session holds them while it is not resting.
 pub(crate) struct Weights {
     inputs: Vec<(CString, TensorSpec, Buffer)>,
+    /// Where each was read from: address and length of its bytes in the bundle, which is not freed while a world is loaded from it.
+    sources: Vec<(usize, usize)>,
     residency: Mutex<Residency>,
 }
 
@@ -30,6 +32,10 @@ struct Residency {
 pub(super) fn spec(weight: &Weight<'_>) -> TensorSpec {
     let element = if weight.is_integer { ElementType::U8 } else { ElementType::F16 };
     TensorSpec::new(weight.name, element, &weight.shape)
+}
+
+fn source(weight: &Weight<'_>) -> (usize, usize) {
+    (weight.bytes.as_ptr().addr(), weight.bytes.len())
 }
 
 impl Weights {
@@ -55,7 +61,19 @@ impl Weights {
             inputs.push((name, spec(weight), memory));
         }
         recorder.submit_and_signal()?.wait()?;
-        Ok(Self { inputs, residency: Mutex::new(Residency { set, holders: 0 }) })
+        Ok(Self {
+            inputs,
+            sources: weights.iter().map(source).collect(),
+            residency: Mutex::new(Residency { set, holders: 0 }),
+        })
+    }
+
+    /// Whether these are `weights`, in the same order, read from the same bytes.
+    pub(super) fn are(&self, weights: &[Weight<'_>]) -> bool {
+        let is_same = |((name, own, _), weight): (&(CString, TensorSpec, Buffer), &Weight<'_>)| {
+            name.to_bytes() == weight.name.as_bytes() && *own == spec(weight)
+        };
+        weights.iter().map(source).eq(self.sources.iter().copied()) && self.inputs.iter().zip(weights).all(is_same)
     }
 
     /// The weights as session inputs, which follow the graph's own inputs.

@@ -151,6 +151,7 @@ impl Backend for WebGpuBackend {
         dimensions: &[(&str, usize)],
         inputs: Vec<TensorSpec>,
         outputs: Vec<TensorSpec>,
+        _shared: Option<&Arc<Graph>>,
     ) -> Result<Arc<Graph>> {
         let tensors = inputs.iter().chain(&outputs).map(|spec| (spec.name.clone(), spec.bytes() as u64));
         for (tensor, bytes) in tensors.chain(largest_weight(model.onnx)?) {

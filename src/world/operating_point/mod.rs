@@ -28,6 +28,9 @@ pub enum CacheMode {
     /// As separate, but only every k-th generated latent commits, the first one being number 1; k is 1 to [`MAX_INTERVAL`]. A
     /// latent that does not commit changes no slot and no flag. The ring clock counts commits, the RoPE clock counts latents.
     Interval(u32),
+    /// As separate, but the cache pass of each latent runs together with the first denoise pass of the next, which reads all weights once less.
+    /// Latents are those of separate but for rounding. The world must be loaded with [`WorldOptions::joined`](crate::world::WorldOptions::joined).
+    Joined,
 }
 
 /// Source of motion and depth for generated frames.

@@ -14,6 +14,7 @@ impl fmt::Display for CacheMode {
             Self::Separate => f.write_str("separate"),
             Self::Fused => f.write_str("fused"),
             Self::Interval(k) => write!(f, "interval:{k}"),
+            Self::Joined => f.write_str("joined"),
         }
     }
 }
@@ -21,11 +22,12 @@ impl fmt::Display for CacheMode {
 impl FromStr for CacheMode {
     type Err = Error;
 
-    /// Reads `separate`, `fused` or `interval:4`.
+    /// Reads `separate`, `fused`, `interval:4` or `joined`.
     fn from_str(text: &str) -> Result<Self> {
         match text {
             "separate" => return Ok(Self::Separate),
             "fused" => return Ok(Self::Fused),
+            "joined" => return Ok(Self::Joined),
             _ => {}
         }
         text.strip_prefix("interval:")
@@ -35,7 +37,7 @@ impl FromStr for CacheMode {
             .ok_or_else(|| {
                 Error::new(ErrorKind::InvalidArgument, format!("{:?} is no cache mode", clip(text)))
                     .field("cache_mode")
-                    .remedy(format!("Write separate, fused, or interval:1 to interval:{MAX_INTERVAL}"))
+                    .remedy(format!("Write separate, fused, joined, or interval:1 to interval:{MAX_INTERVAL}"))
             })
     }
 }
@@ -168,7 +170,7 @@ impl FromStr for OperatingPoint {
             match name {
                 // `stock` is a preset as the first item, and the schedule elsewhere.
                 "stock" | "refined" | "explicit" => point.schedule = item.parse()?,
-                "separate" | "fused" | "interval" => point.cache_mode = item.parse()?,
+                "separate" | "fused" | "interval" | "joined" => point.cache_mode = item.parse()?,
                 "native" | "generated" => point.set_presentation(item)?,
                 "latents" => point.latents_per_second = number()?,
                 "pictures" => point.pictures_per_latent = number()?,
@@ -238,9 +240,10 @@ mod tests {
                     1 => Schedule::Refined(rng.below(70) as u32),
                     _ => Schedule::Explicit(points),
                 },
-                cache_mode: match rng.below(3) {
+                cache_mode: match rng.below(4) {
                     0 => CacheMode::Separate,
                     1 => CacheMode::Fused,
+                    2 => CacheMode::Joined,
                     _ => CacheMode::Interval(rng.below(5_000) as u32),
                 },
                 latents_per_second: rng.below(300) as u32,

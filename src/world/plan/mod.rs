@@ -25,6 +25,9 @@ pub enum CachePass {
     Fused,
     /// No extra pass and no commit: ring and ring clock stay unchanged.
     Skip,
+    /// No pass and no commit in this step: the first pass of the next one makes the keys and values, and it commits them
+    /// ([`StepPlan::pending`]).
+    Deferred,
 }
 
 /// The slots of one kind of layer that are visible to a latent step, and the slot that it writes.
@@ -36,6 +39,20 @@ pub struct RingPlan {
     pub slot: Option<usize>,
 }
 
+/// The commit of the latent before, which the first pass of a step or append makes: the finished latent runs through it at sigma 0, beside the new
+/// one.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct PendingPlan {
+    /// RoPE time of the finished latent.
+    pub rope_time: u64,
+    /// Its `controls` input.
+    pub controls: Vec<f32>,
+    /// Local layers: what the finished latent sees, and the slot that it is committed to before the step's second pass.
+    pub local: RingPlan,
+    /// Global layers.
+    pub global: RingPlan,
+}
+
 /// One latent step, or the append of one picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepPlan {
@@ -43,8 +60,10 @@ pub struct StepPlan {
     pub latent: u64,
     /// RoPE time of all its passes.
     pub rope_time: u64,
-    /// Commits before this step.
+    /// Commits before this step, that of `pending` included.
     pub ring_clock: u64,
+    /// The commit of the latent before; `None` if it was made with that latent.
+    pub pending: Option<PendingPlan>,
     /// The noise that denoising starts from; `None` when a picture is appended.
     pub noise: Option<NoiseKey>,
     /// Noise level of each denoise pass; empty when a picture is appended.
@@ -64,6 +83,13 @@ pub struct StepPlan {
     pub prime: u32,
 }
 
+impl StepPlan {
+    /// Whether the latent's own keys and values are committed with it, not later and not never.
+    pub(crate) fn commits_itself(&self) -> bool {
+        matches!(self.cache, CachePass::Separate | CachePass::Fused)
+    }
+}
+
 impl Default for StepPlan {
     /// An empty plan to be filled by [`Planner::plan_step_into`]; it cannot be executed.
     fn default() -> Self {
@@ -71,6 +97,7 @@ impl Default for StepPlan {
             latent: 0,
             rope_time: 0,
             ring_clock: 0,
+            pending: None,
             noise: None,
             sigmas: Vec::new(),
             dsigmas: Vec::new(),
@@ -95,6 +122,8 @@ pub struct Planner {
     clocks: Clocks,
     local: Ring,
     global: Ring,
+    /// The controls of the last latent, if its commit was deferred.
+    pending: Option<Vec<f32>>,
 }
 
 /// The counters. The ring clock counts commits, the RoPE clock counts latents; nothing converts one to the other.
@@ -130,6 +159,7 @@ impl Planner {
             clocks: Clocks::default(),
             local: Ring::new(geometry.local.window, 1)?,
             global: Ring::new(global_slots(geometry, point.global_window)?, geometry.global.dilation)?,
+            pending: None,
         })
     }
 
@@ -151,7 +181,7 @@ impl Planner {
         plan.noise = None;
         plan.sigmas.clear();
         plan.dsigmas.clear();
-        plan.cache = CachePass::Separate;
+        plan.cache = if self.cache_mode == CacheMode::Joined { CachePass::Deferred } else { CachePass::Separate };
         self.fill(&ControlInput::IDLE, plan)
     }
 
@@ -182,27 +212,56 @@ impl Planner {
                 CachePass::Separate
             }
             CacheMode::Interval(_) => CachePass::Skip,
+            CacheMode::Joined => CachePass::Deferred,
         };
         self.fill(input, plan)
     }
 
     /// Fills the fields that steps and appends share; `plan.cache` is already set.
     fn fill(&self, input: &ControlInput, plan: &mut StepPlan) -> Result<()> {
-        let Clocks { latents, commits, .. } = self.clocks;
+        let latents = self.clocks.latents;
         plan.latent = latents;
         plan.rope_time = latents.checked_mul(u64::from(self.time_multiplier)).ok_or_else(clock_ran_out)?;
-        plan.ring_clock = commits;
         plan.controls.resize(self.controls.len(), 0.0);
         input.write(&self.controls, &mut plan.controls)?;
-        let commits_now = plan.cache != CachePass::Skip;
-        for (ring, ring_plan) in [(&self.local, &mut plan.local), (&self.global, &mut plan.global)] {
+        let commits = self.fill_pending(&mut plan.pending);
+        plan.ring_clock = commits;
+        let commits_now = plan.commits_itself();
+        let pending = plan.pending.as_ref();
+        for (ring, ring_plan, pending) in [
+            (&self.local, &mut plan.local, pending.and_then(|pending| pending.local.slot)),
+            (&self.global, &mut plan.global, pending.and_then(|pending| pending.global.slot)),
+        ] {
+            let is_visible = |slot| {
+                let is_new = pending == Some(slot) && !(ring.is_write_step(commits) && slot == ring.slot(commits));
+                is_new || ring.is_visible(commits, slot)
+            };
             ring_plan.visible.clear();
-            ring_plan.visible.extend((0..ring.slot_count()).map(|slot| ring.is_visible(commits, slot)));
+            ring_plan.visible.extend((0..ring.slot_count()).map(is_visible));
             ring_plan.slot = (commits_now && ring.is_write_step(commits)).then(|| ring.slot(commits));
         }
         // Every latent is decoded, so the first one after a reset is the one that primes.
         plan.prime = if latents == 0 { self.prime } else { 0 };
         Ok(())
+    }
+
+    /// Plans the commit that was deferred, if any. Returns the commits after it.
+    fn fill_pending(&self, plan: &mut Option<PendingPlan>) -> u64 {
+        let Clocks { latents, commits, .. } = self.clocks;
+        let Some(controls) = &self.pending else {
+            *plan = None;
+            return commits;
+        };
+        let plan = plan.get_or_insert_default();
+        // The latent was planned, so its time does not overflow.
+        plan.rope_time = (latents - 1) * u64::from(self.time_multiplier);
+        plan.controls.clone_from(controls);
+        for (ring, ring_plan) in [(&self.local, &mut plan.local), (&self.global, &mut plan.global)] {
+            ring_plan.visible.clear();
+            ring_plan.visible.extend((0..ring.slot_count()).map(|slot| ring.is_visible(commits, slot)));
+            ring_plan.slot = ring.is_write_step(commits).then(|| ring.slot(commits));
+        }
+        commits + 1
     }
 
     /// Records that `plan` was executed: marks the slots that it wrote and advances the clocks. The plan may be another planner's or
@@ -213,14 +272,21 @@ impl Planner {
     /// and skips its commit. Nothing has changed then.
     pub fn commit(&mut self, plan: &StepPlan) -> Result<()> {
         self.check(plan)?;
-        for (ring, slot) in [(&mut self.local, plan.local.slot), (&mut self.global, plan.global.slot)] {
-            if let Some(slot) = slot {
-                ring.mark_written(slot)?;
-            }
+        let pending = plan.pending.as_ref();
+        for (ring, slots) in [
+            (&mut self.local, [pending.and_then(|pending| pending.local.slot), plan.local.slot]),
+            (&mut self.global, [pending.and_then(|pending| pending.global.slot), plan.global.slot]),
+        ] {
+            slots.into_iter().flatten().try_for_each(|slot| ring.mark_written(slot))?;
         }
         self.clocks.latents += 1;
         self.clocks.generated += u64::from(plan.noise.is_some());
-        self.clocks.commits += u64::from(plan.cache != CachePass::Skip);
+        self.clocks.commits += u64::from(plan.pending.is_some()) + u64::from(plan.commits_itself());
+        match (&mut self.pending, plan.cache) {
+            (Some(controls), CachePass::Deferred) => controls.clone_from(&plan.controls),
+            (pending, CachePass::Deferred) => *pending = Some(plan.controls.clone()),
+            (pending, _) => *pending = None,
+        }
         Ok(())
     }
 
@@ -249,6 +315,11 @@ impl Planner {
         if plan.cache == CachePass::Fused && plan.sigmas.is_empty() {
             return wrong("cache", "there is no denoise pass whose keys and values could be kept".into());
         }
+        let mut pending = None;
+        self.fill_pending(&mut pending);
+        if plan.pending != pending {
+            return wrong("pending", "it is not the commit that the latent before has left".into());
+        }
         if plan.controls.len() != self.controls.len() {
             return wrong(
                 "controls",
@@ -263,7 +334,7 @@ impl Planner {
                 Some(slot) if slot >= ring.slot_count() => {
                     return wrong(name, format!("slot {slot} does not exist in a ring of {}", ring.slot_count()));
                 }
-                Some(slot) if plan.cache == CachePass::Skip => {
+                Some(slot) if !plan.commits_itself() => {
                     return wrong(name, format!("slot {slot} is named, but nothing is committed"));
                 }
                 _ => {}
@@ -277,6 +348,7 @@ impl Planner {
         self.clocks = Clocks::default();
         self.local.clear();
         self.global.clear();
+        self.pending = None;
     }
 
     /// Takes over the clocks and ring flags of a planner of the same world at another global window. Of the global ring, the newest
@@ -285,6 +357,7 @@ impl Planner {
     pub(super) fn take_over(&mut self, other: &Planner) -> Vec<(usize, usize)> {
         self.clocks = other.clocks;
         self.local = other.local.clone();
+        self.pending.clone_from(&other.pending);
         self.global.take_over(&other.global, other.clocks.commits)
     }
 
@@ -318,7 +391,7 @@ impl Planner {
         self.clocks.generated
     }
 
-    /// Commits so far: the ring clock.
+    /// Commits so far: the ring clock. A deferred commit is not counted before it is made.
     pub fn ring_clock(&self) -> u64 {
         self.clocks.commits
     }

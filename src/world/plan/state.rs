@@ -4,10 +4,11 @@
 //! 8 bytes   "CairnPln"
 //! u32       version, 1
 //! u64       seed
-//! u32 x 5   cache mode (0 separate, 1 fused, 2 interval), k or 0, RoPE time multiplier, dilation, denoise passes
+//! u32 x 5   cache mode (0 separate, 1 fused, 2 interval, 3 joined), k or 0, RoPE time multiplier, dilation, denoise passes
 //! f32       n + 1 noise levels
 //! u64 x 3   latents, generated latents, commits
 //! 2 x       u32 slots, then one byte for each slot: 0 or 1 (local, then global)
+//! joined    one byte, 1 if the last latent's commit is pending, else 0; then f32 x the world's controls: that latent's, or 0
 //! ```
 //!
 //! All numbers are little-endian.
@@ -31,6 +32,11 @@ impl Planner {
         for ring in [&self.local, &self.global] {
             out.extend_from_slice(&(ring.slot_count() as u32).to_le_bytes());
             out.extend(ring.written().iter().map(|written| u8::from(*written)));
+        }
+        if self.cache_mode == CacheMode::Joined {
+            out.push(u8::from(self.pending.is_some()));
+            let idle = vec![0.0; self.controls.len()];
+            out.extend(self.pending.as_ref().unwrap_or(&idle).iter().flat_map(|number| number.to_le_bytes()));
         }
         out
     }
@@ -64,11 +70,15 @@ impl Planner {
         let clocks = Clocks { latents: clock()?, generated: clock()?, commits: clock()? };
         let local = read_flags(&mut rest, &self.local)?;
         let global = read_flags(&mut rest, &self.global)?;
+        let pending = if self.cache_mode == CacheMode::Joined { self.read_pending(&mut rest)? } else { None };
         if !rest.is_empty() {
             return Err(invalid("bytes follow the end of the state"));
         }
         let appended = clocks.latents.checked_sub(clocks.generated);
-        if appended.is_none_or(|appended| clocks.commits < appended) || clocks.commits > clocks.latents {
+        // With what is pending.
+        let commits = clocks.commits.checked_add(u64::from(pending.is_some()));
+        let contradicts = |appended| commits.is_none_or(|commits| commits < appended || commits > clocks.latents);
+        if appended.is_none_or(contradicts) {
             return Err(invalid("the clocks contradict each other"));
         }
         for flags in [&local, &global] {
@@ -80,7 +90,21 @@ impl Planner {
         self.clocks = clocks;
         self.local.set_written(&local);
         self.global.set_written(&global);
+        self.pending = pending;
         Ok(())
+    }
+
+    /// The controls of a latent whose commit is pending, if one is.
+    fn read_pending(&self, rest: &mut &[u8]) -> Result<Option<Vec<f32>>> {
+        let [is_pending] = read_array(rest)?;
+        let controls = (0..self.controls.len())
+            .map(|_| Ok(f32::from_le_bytes(read_array(rest)?)))
+            .collect::<Result<Vec<f32>>>()?;
+        match is_pending {
+            0 if controls.iter().all(|&number| number == 0.0) => Ok(None),
+            1 if controls.iter().all(|number| number.is_finite()) => Ok(Some(controls)),
+            _ => Err(invalid("a pending commit's mark or its controls are wrong")),
+        }
     }
 
     /// The first bytes of a state: the settings that must be equal in the planner that restores it.
@@ -89,6 +113,7 @@ impl Planner {
             CacheMode::Separate => (0, 0),
             CacheMode::Fused => (1, 0),
             CacheMode::Interval(k) => (2, k),
+            CacheMode::Joined => (3, 0),
         };
         let table = &self.table;
         let mut out = MAGIC.to_vec();

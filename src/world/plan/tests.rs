@@ -73,6 +73,7 @@ fn every_cache_mode_matches_a_list_of_latents() {
                 || match mode {
                     CacheMode::Separate | CacheMode::Fused => true,
                     CacheMode::Interval(k) => generated.is_multiple_of(u64::from(k)),
+                    CacheMode::Joined => unreachable!("it has a test of its own"),
                 };
             let expected = match mode {
                 _ if !commit => CachePass::Skip,
@@ -208,9 +209,51 @@ fn altered_plans_are_executed_or_refused_whole() {
     assert_eq!(planner.local().written(), [true, false, false, true]);
 }
 
+/// Steps and appends see what they see with separate cache passes; each commit is that of the separate plan before.
+#[test]
+fn joined_plans_are_separate_ones_whose_commits_are_made_a_step_later() {
+    let (mut joined, mut separate) = (planner(CacheMode::Joined), planner(CacheMode::Separate));
+    let mut before: Option<StepPlan> = None;
+    for latent in 0..150_u8 {
+        let make = |planner: &Planner| match latent % 20 {
+            0 | 7 => planner.plan_append().unwrap(),
+            _ => planner.plan_step(&held(latent)).unwrap(),
+        };
+        let (plan, expected) = (make(&joined), make(&separate));
+        let pending = before.map(|StepPlan { rope_time, controls, local, global, .. }| PendingPlan {
+            rope_time,
+            controls,
+            local,
+            global,
+        });
+        assert_eq!(plan.pending, pending, "latent {latent}");
+        assert_eq!((plan.cache, plan.local.slot, plan.global.slot), (CachePass::Deferred, None, None));
+        let without = |plan: &StepPlan| {
+            let visible = |ring: &RingPlan| RingPlan { visible: ring.visible.clone(), slot: None };
+            let (local, global) = (visible(&plan.local), visible(&plan.global));
+            StepPlan { pending: None, cache: CachePass::Deferred, local, global, ..plan.clone() }
+        };
+        assert_eq!(without(&plan), without(&expected), "latent {latent}");
+        joined.commit(&plan).unwrap();
+        separate.commit(&expected).unwrap();
+        assert_eq!(joined.ring_clock() + 1, separate.ring_clock());
+        before = Some(expected);
+    }
+    let mut altered = joined.plan_append().unwrap();
+    altered.pending = None;
+    assert_eq!(joined.commit(&altered).unwrap_err().offending_field(), Some("plan.pending"));
+    let mut wider =
+        Planner::new(&manifest(), &OperatingPoint { global_window: 32, ..point(CacheMode::Joined) }, 7).unwrap();
+    wider.take_over(&joined);
+    assert_eq!(
+        wider.plan_append().unwrap().pending.unwrap().controls,
+        joined.plan_append().unwrap().pending.unwrap().controls
+    );
+}
+
 #[test]
 fn a_saved_planner_continues_with_the_same_plans() {
-    for mode in MODES {
+    for mode in MODES.into_iter().chain([CacheMode::Joined]) {
         let mut first = planner(mode);
         for latent in 0..150u8 {
             let mut second = planner(mode);
@@ -226,13 +269,17 @@ fn a_saved_planner_continues_with_the_same_plans() {
 }
 
 #[test]
-fn damaged_states_and_those_of_other_planners_are_refused() {
-    let mut saved = planner(CacheMode::Interval(2));
+fn damaged_states_are_refused() {
+    [CacheMode::Interval(2), CacheMode::Joined].into_iter().for_each(check_damaged_states);
+}
+
+fn check_damaged_states(mode: CacheMode) {
+    let mut saved = planner(mode);
     for _ in 0..30 {
         saved.commit(&saved.plan_step(&ControlInput::IDLE).unwrap()).unwrap();
     }
     let bytes = saved.save();
-    let fresh = planner(CacheMode::Interval(2));
+    let fresh = planner(mode);
     for len in 0..bytes.len() {
         let mut target = fresh.clone();
         assert_eq!(target.restore(&bytes[..len]).unwrap_err().kind(), ErrorKind::InvalidState, "{len} bytes");
@@ -257,6 +304,11 @@ fn damaged_states_and_those_of_other_planners_are_refused() {
             }
         }
     }
+}
+
+#[test]
+fn states_of_other_planners_are_refused() {
+    let bytes = planner(CacheMode::Interval(2)).save();
     let other_window = OperatingPoint { global_window: 32, ..point(CacheMode::Interval(2)) };
     let other_schedule = OperatingPoint { schedule: Schedule::Refined(9), ..point(CacheMode::Interval(2)) };
     for mut other in [

@@ -52,6 +52,8 @@ pub(super) struct DeviceState {
     keep_latent: RecordedCopiesId,
     /// A finite check of all results of a step, for each side of the decoder. Its groups are `LATENT`, `DECODED`, and K and V.
     finite_checks: [FiniteCheckId; 2],
+    /// The same for a step that commits the latent before it: K and V are that latent's. Only where the world has the joined graph.
+    joined_checks: Option<[FiniteCheckId; 2]>,
     /// A finite check of the latent alone.
     latent_check: FiniteCheckId,
     shapes: Shapes,
@@ -64,16 +66,21 @@ impl DeviceState {
         let mut context: Box<dyn ExecutionContext> =
             Box::new(StoppableContext::new(world.device(), world.longest_submission(), stop)?);
         let kv = KvCache::new(&mut *context, world)?;
-        let passes = Passes::new(&mut *context, world, &kv)?;
+        let latent = context.buffer(world.shapes.latent_len() * element_size(world.precision()))?;
+        let passes = Passes::new(&mut *context, world, &kv, latent)?;
         let autoencoder = Autoencoder::new(&mut *context, world, passes.latent())?;
         let whole = Region { to: 0, from: 0, len: context.size(passes.latent()) };
-        let latent = context.buffer(whole.len)?;
         let keep_latent =
             context.record_copies(vec![RecordedCopy { to: latent, from: passes.latent(), regions: vec![whole] }])?;
-        let (new_latent, slabs, precision) = ([passes.latent()], kv.slabs().collect::<Vec<_>>(), world.precision());
-        let mut step_check = |decoded| context.add_finite_check(&[&new_latent, decoded, &slabs], precision);
-        let [first, second] = autoencoder.sides();
-        let finite_checks = [step_check(first)?, step_check(second)?];
+        let (new_latent, precision) = ([passes.latent()], world.precision());
+        let mut step_checks = |slabs: &[BufferId]| {
+            let [first, second] = autoencoder.sides();
+            let mut check = |decoded| context.add_finite_check(&[&new_latent, decoded, slabs], precision);
+            Ok::<_, Error>([check(first)?, check(second)?])
+        };
+        let finite_checks = step_checks(&kv.slabs().collect::<Vec<_>>())?;
+        let finished_slabs: Vec<_> = kv.finished_slabs().collect();
+        let joined_checks = if finished_slabs.is_empty() { None } else { Some(step_checks(&finished_slabs)?) };
         let latent_check = context.add_finite_check(&[&new_latent], precision)?;
         let shapes = world.shapes;
         Ok(Self {
@@ -84,6 +91,7 @@ impl DeviceState {
             passes,
             keep_latent,
             finite_checks,
+            joined_checks,
             latent_check,
             shapes,
             precision,
@@ -139,10 +147,36 @@ impl DeviceState {
     /// Does all device work of a step, from its denoise passes on: they start from the plan's noise, or from a latent that was set or
     /// encoded. The state changes only after every result is complete and finite, and then all at once.
     pub(super) fn execute(&mut self, plan: &StepPlan, measured: &mut StepMeasurement) -> Result<()> {
-        let context = &mut *self.context;
-        self.passes.prepare(context, plan, [0.0, 0.0])?;
+        self.passes.prepare(&mut *self.context, plan, [0.0, 0.0])?;
         let start = Instant::now();
-        self.passes.denoise(context, plan)?;
+        self.passes.start(&mut *self.context, plan)?;
+        let Some(pending) = &plan.pending else { return self.execute_from(plan, 0, start, measured) };
+        self.passes.joined_pass(&mut *self.context, plan, pending)?;
+        // Its time is that of a denoise pass.
+        measured.stages.cache.count += 1;
+        // The other passes read it from the ring.
+        let before = self.context.bytes().copied;
+        let made = self.kv.commit_finished(&mut *self.context, pending.local.slot, pending.global.slot)?;
+        let copied = self.context.bytes().copied - before;
+        let result = self.execute_from(plan, 1, start, measured);
+        match result {
+            // Half of the bytes were copied to the backup.
+            Ok(()) => measured.ring_bytes += copied / 2,
+            Err(_) => KvCache::undo(&mut *self.context, &made)?,
+        }
+        result
+    }
+
+    /// The work of a step from denoise pass `first` on. `start` is when its denoising started.
+    fn execute_from(
+        &mut self,
+        plan: &StepPlan,
+        first: usize,
+        start: Instant,
+        measured: &mut StepMeasurement,
+    ) -> Result<()> {
+        let context = &mut *self.context;
+        self.passes.denoise(context, plan, first)?;
         measured.stages.denoise.add(plan.sigmas.len() as u64, start);
         if plan.cache == CachePass::Separate {
             let start = Instant::now();
@@ -162,10 +196,12 @@ impl DeviceState {
 
     /// Checks the results of a step, decoded to `side`, and writes latent and ring slots.
     fn commit(&mut self, plan: &StepPlan, side: usize, measured: &mut StepMeasurement) -> Result<()> {
-        let commits_kv = plan.cache != CachePass::Skip;
+        let commits_kv = plan.pending.is_some() || plan.commits_itself();
         let start = Instant::now();
         // One check for all results, because it waits for the device.
-        let what = match self.context.find_not_finite(self.finite_checks[side])? {
+        let checks =
+            if plan.pending.is_some() { self.joined_checks.unwrap_or(self.finite_checks) } else { self.finite_checks };
+        let what = match self.context.find_not_finite(checks[side])? {
             None => None,
             Some(LATENT) => Some("latent"),
             Some(DECODED) => Some("the decoder's view of latent"),

@@ -8,7 +8,7 @@ use crate::bundle::Precision;
 use crate::runtime::{
     Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, Graph, RecordedCopiesId, RecordedCopy, Region,
 };
-use crate::world::{World, WorldOptions};
+use crate::world::{CacheMode, OperatingPoint, World, WorldOptions};
 use crate::{Error, ErrorKind, Result};
 
 /// Which calls fail.
@@ -42,7 +42,8 @@ impl Fault {
     }
 }
 
-/// A context with injected faults. Calls that allocate or record, and `restore_backup`, which runs after a failure, never fail.
+/// A context with injected faults. Calls that allocate or record, and those that run after a failure, `restore_backup` and `undo_copies`, never
+/// fail.
 struct Faulty {
     inner: Box<dyn ExecutionContext>,
     fault: Arc<Fault>,
@@ -93,6 +94,10 @@ impl ExecutionContext for Faulty {
     fn back_up(&mut self, of: &[BufferId]) -> Result<Backup> {
         self.fault.call()?;
         self.inner.back_up(of)
+    }
+
+    fn undo_copies(&mut self, copies: &[RecordedCopiesId]) -> Result<()> {
+        self.inner.undo_copies(copies)
     }
 
     fn restore_backup(&mut self, backup: Backup) -> Result<()> {
@@ -147,8 +152,12 @@ fn fail_each_call<T>(rollout: &mut Rollout, fault: &Fault, act: impl Fn(&mut Rol
 
 /// A rollout whose device fails as `fault` says, or that is stopped.
 fn faulty(world: &Arc<World>, fault: &Arc<Fault>) -> Rollout {
+    faulty_at(world, &worlds::point(world), fault)
+}
+
+fn faulty_at(world: &Arc<World>, point: &OperatingPoint, fault: &Arc<Fault>) -> Rollout {
     let stop = fault.stop.clone().unwrap_or_default();
-    let mut rollout = Rollout::with_stop(world, &worlds::point(world), 1, stop, 0).expect("a rollout");
+    let mut rollout = Rollout::with_stop(world, point, 1, stop, 0).expect("a rollout");
     let placeholder = world.device().context().expect("a context");
     let inner = std::mem::replace(&mut rollout.device.context, placeholder);
     rollout.device.context = Box::new(Faulty { inner, fault: fault.clone() });
@@ -222,6 +231,43 @@ fn a_value_that_is_bound_to_the_memory_of_another_is_noticed() {
         let mut world = Arc::into_inner(in_slices(3)).expect("the only owner");
         world.transformer.mutate(mutant);
         assert!(latent(&Arc::new(world)) != expected, "mutant {mutant} of {count}");
+    }
+}
+
+#[test]
+fn a_failed_or_cancelled_joined_pass_changes_nothing() {
+    let options = WorldOptions { precision: Some(Precision::F32), joined: true, ..WorldOptions::default() };
+    let world = World::load(&worlds::device(), &worlds::bundle("joined"), options).expect("a world");
+    let point = OperatingPoint { cache_mode: CacheMode::Joined, ..worlds::point(&world) };
+    let mut reference = worlds::seeded(&world, &point, 1);
+    let fault = Arc::new(Fault::default());
+    let mut rollout = faulty_at(&world, &point, &fault);
+    rollout.append(&worlds::picture(40, 30, 1)).expect("a seed");
+    for i in 0..6 {
+        let act = |rollout: &mut Rollout| match i {
+            4 => rollout.append(&worlds::picture(20, 10, 1)),
+            _ => rollout.step(&worlds::controls(i)),
+        };
+        let faults = fail_each_call(&mut rollout, &fault, act);
+        assert!(faults > 14, "{faults} calls in step {i}");
+        act(&mut reference).expect("a step");
+        assert!(rollout.save().expect("a state") == reference.save().expect("a state"), "step {i}");
+    }
+
+    let stop: Arc<AtomicBool> = Arc::default();
+    let fault = Arc::new(Fault { stop: Some(stop.clone()), ..Fault::default() });
+    let mut rollout = faulty_at(&world, &point, &fault);
+    rollout.append(&worlds::picture(40, 30, 1)).expect("a seed");
+    rollout.step(&worlds::controls(0)).expect("a step");
+    let before = rollout.save().expect("a state");
+    for call in 1.. {
+        fault.calls_left.store(call, Ordering::Relaxed);
+        let result = rollout.step(&worlds::controls(1));
+        fault.calls_left.store(0, Ordering::Relaxed);
+        stop.store(false, Ordering::SeqCst);
+        let Err(error) = result else { break };
+        assert_eq!(error.kind(), ErrorKind::Cancelled, "call {call}: {error}");
+        assert!(rollout.save().expect("a state") == before, "call {call} changed the rollout");
     }
 }
 

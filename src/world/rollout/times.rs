@@ -7,7 +7,7 @@ use crate::gpu::GpuTimeStatistics;
 use crate::runtime::{Bytes, ExecutionContext};
 #[cfg(windows)]
 use crate::runtime::{ExternalTimes, Work};
-use crate::world::plan::{CachePass, StepPlan};
+use crate::world::plan::StepPlan;
 use crate::world::statistics::{Stages, Statistics, StepInfo};
 use crate::world::world::World;
 
@@ -116,7 +116,7 @@ impl StepMeasurement {
     pub(super) fn finish(self, plan: &StepPlan, context: &dyn ExecutionContext) -> StepInfo {
         StepInfo {
             latent: plan.latent,
-            committed: plan.cache != CachePass::Skip,
+            committed: plan.pending.is_some() || plan.commits_itself(),
             stages: self.stages,
             bytes: context.bytes() - self.bytes_before,
             ring_bytes: self.ring_bytes,

@@ -12,13 +12,15 @@ use sha2::{Digest, Sha256};
 use crate::bundles::toy_bundle::ToyBundle;
 use crate::worlds;
 
-const MODELS: [(GraphKind, Precision); 6] = [
+const MODELS: [(GraphKind, Precision); 8] = [
     (GraphKind::Transformer, Precision::F32),
     (GraphKind::Encoder, Precision::F32),
     (GraphKind::Decoder, Precision::F32),
     (GraphKind::Transformer, Precision::F16),
     (GraphKind::Encoder, Precision::F16),
     (GraphKind::Decoder, Precision::F16),
+    (GraphKind::Joined, Precision::F32),
+    (GraphKind::Joined, Precision::F16),
 ];
 
 static TOY: LazyLock<Manifest> = LazyLock::new(|| {

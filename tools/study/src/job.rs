@@ -73,7 +73,7 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     if let Some(latents) = &loaded.latents {
         latents.check_for(shape, counts.latents)?;
     }
-    let options = WorldOptions { global_window: Some(checked.point.global_window), ..WorldOptions::default() };
+    let options = WorldOptions::for_point(&checked.point);
     let Settings { device, threads, .. } = *job.settings;
     let device::LoadedWorld { world, choice, fallback } =
         device::load(device, &loaded.ort, threads, &loaded.bundle, &options)?;

@@ -10,10 +10,10 @@ use sha2::{Digest, Sha256};
 use crate::python::{python_env, python_path, text};
 use crate::{Error, Progress, Result, cache, process, repository};
 
-/// The worlds that can be made: three of random weights for tests, one for the demo, `tiny` with a float32 residual stream in f16, and the
+/// The worlds that can be made: four of random weights for tests, one for the demo, `tiny` with a float32 residual stream in f16, and the
 /// embedded world in 8 and in 4 bits.
-pub const BUNDLES: [&str; 7] =
-    ["tiny", "window", "stream", "demo", "tiny-residual", "miniature-8bit", "miniature-4bit"];
+pub const BUNDLES: [&str; 8] =
+    ["tiny", "window", "stream", "joined", "demo", "tiny-residual", "miniature-8bit", "miniature-4bit"];
 
 /// The world inside the library.
 const EMBEDDED: &str = "samples/worlds/miniature.cairn";

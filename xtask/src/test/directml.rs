@@ -1,5 +1,5 @@
 //! Worlds on DirectML, in the lab or on Windows, pass the same tests as worlds on the processor: parity with the oracle, bit-exact
-//! continuation of saved states, budgets, and the check that float16 is enough. Every run has a short form, `--thorough` runs all.
+//! continuation of saved states, budgets, the check that float16 is enough, and joined passes. Every run has a short form, `--thorough` runs all.
 
 use std::process::Command;
 
@@ -11,6 +11,7 @@ use crate::shell::Log;
 const STATES: &str = "rollout_state";
 const BUDGETS: &str = "rollout_budget";
 const HALF_PRECISION: &str = "half_precision";
+const JOINED: &str = "joined";
 const TRACE: &str = "parity-trace";
 
 /// The short form's tests that load no world of their own: each world takes gigabytes if the processor emulates the device.
@@ -25,6 +26,9 @@ const SHORT_BUDGETS: [&str; 2] = [
 /// That a value passes float16's largest number depends on the device: a processor adds float16 in float32.
 const SHORT_HALF_PRECISION: [&str; 1] = ["sums_that_pass_float16_are_named_and_float32_mends_them"];
 
+/// Both graphs use the same weights on the device.
+const SHORT_JOINED: [&str; 1] = ["joined_passes_give_the_latents_of_separate_ones"];
+
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
     if !skip(&mut tally)? {
@@ -33,6 +37,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
             let mut tally = tests(context, log, STATES, Some(&SHORT_STATES), amd)?;
             tally.add(tests(context, log, BUDGETS, Some(&SHORT_BUDGETS), amd)?);
             tally.add(tests(context, log, HALF_PRECISION, Some(&SHORT_HALF_PRECISION), amd)?);
+            tally.add(tests(context, log, JOINED, Some(&SHORT_JOINED), amd)?);
             tally.add(parity(context, log, true, amd)?);
             Ok(tally)
         })?;
@@ -40,9 +45,13 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// All tests of saved states.
+/// All tests of saved states, and of joined passes.
 pub(super) fn run_states(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
-    run_longer(context, log, |log, amd| tests(context, log, STATES, None, amd))
+    run_longer(context, log, |log, amd| {
+        let mut tally = tests(context, log, STATES, None, amd)?;
+        tally.add(tests(context, log, JOINED, None, amd)?);
+        Ok(tally)
+    })
 }
 
 /// All tests of budgets, and of the check that float16 is enough.

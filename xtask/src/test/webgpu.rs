@@ -21,8 +21,16 @@ const SHORT: [(&str, &[&str]); 2] = [
 ];
 
 /// The programs whose tests all run with `--thorough`.
-const PROGRAMS: [&str; 7] =
-    ["rollout", "rollout_budget", "rollout_refusals", "rollout_state", "slices", "half_precision", "quantised_worlds"];
+const PROGRAMS: [&str; 8] = [
+    "rollout",
+    "rollout_budget",
+    "rollout_refusals",
+    "rollout_state",
+    "slices",
+    "joined",
+    "half_precision",
+    "quantised_worlds",
+];
 
 /// Those of them that also run as Windows programs.
 const PROGRAMS_ON_WINDOWS: [&str; 3] = ["rollout_budget", "rollout_state", "half_precision"];

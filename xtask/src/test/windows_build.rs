@@ -16,7 +16,7 @@ use crate::shell::{CommandOutput, Log};
 const EVERYTHING: [&str; 3] = ["--workspace", "--exclude", "xtask"];
 
 /// The test programs that a runner runs on Windows. Others show nothing there that they do not show on this machine.
-const TEST_PROGRAMS: [&str; 42] = [
+const TEST_PROGRAMS: [&str; 43] = [
     "callbacks",
     "check",
     "compare",
@@ -49,6 +49,7 @@ const TEST_PROGRAMS: [&str; 42] = [
     "half_precision",
     "host",
     "hostile",
+    "joined",
     "lock_order",
     "media",
     "order",

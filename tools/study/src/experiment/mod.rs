@@ -127,7 +127,7 @@ impl Inputs {
     /// # Errors
     /// As [`World::load`].
     pub(crate) fn load(&self, point: &OperatingPoint) -> Result<Arc<World>> {
-        let options = WorldOptions { global_window: Some(point.global_window), ..WorldOptions::default() };
+        let options = WorldOptions::for_point(point);
         World::load(&self.device, &self.bundle, options)
     }
 }

@@ -70,7 +70,7 @@ pub(super) fn run(options: &PlayOptions, shared: &Shared, send: &dyn Fn(Message)
     let (ort, _) = inputs::onnxruntime(&Progress::quiet())?;
     let (bundle, input) = inputs::world(options.world.as_deref(), &Progress::quiet())?;
     options.point.check_for(bundle.geometry())?;
-    let world_options = WorldOptions { global_window: Some(options.point.global_window), ..WorldOptions::default() };
+    let world_options = WorldOptions::for_point(&options.point);
     let world = device::load(options.device, &ort, options.threads, &bundle, &world_options)?.world;
     if let Some(recorded) = options.replay.as_ref().and_then(|walk| walk.world.as_ref())
         && *recorded != input.sha256
