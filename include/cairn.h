@@ -777,7 +777,7 @@ typedef struct cairn_world_memory {
  * options point to is read during the call only.
  * Threads: any thread, at any time, also several loads at once.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for an operating point that does not fit the
- * world, and for more slices than the transformer can have; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE;
+ * world, for more slices than the transformer can have, and for joined passes in slices or with a limit on submissions; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE;
  * CAIRN_ERROR_UNSUPPORTED for another version of the format, a precision the bundle does not have or that CAIRN_WORLD_CHECK_PRECISION
  * refuses, joined passes that the bundle does not have, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with the numbers;
  * CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
@@ -997,7 +997,10 @@ CAIRN_API cairn_result cairn_anchor_destroy(cairn_anchor *anchor);
 
 /** The largest capacity of a rollout's queue, in steps. */
 #define CAIRN_MAX_QUEUE 64
-/** A flag of cairn_step_info: keys and values of the latent were copied into the ring. */
+
+/**
+ * A flag of cairn_step_info: keys and values of the latent were copied into the ring; with joined passes, those of the latent before.
+ */
 #define CAIRN_STEP_COMMITTED 1
 
 /** One running instance of a world: its memory of the past (a ring of keys and values), its clocks and its noise. */

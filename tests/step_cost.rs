@@ -16,9 +16,15 @@ fn a_latent_step_allocates_nothing_once_warm() {
     for precision in [Precision::F32, Precision::F16] {
         let options = WorldOptions { precision: Some(precision), ..Default::default() };
         let world = World::load(&device, &bundle, options).expect("a world");
-        for cache_mode in [CacheMode::Separate, CacheMode::Fused, CacheMode::Interval(2)] {
-            let mut rollout =
-                seeded(&world, &OperatingPoint { cache_mode, pictures_per_latent: 4, ..point(&world) }, 1);
+        let joined = WorldOptions { precision: Some(precision), joined: true, ..Default::default() };
+        let joined = World::load(&device, &worlds::bundle("joined"), joined).expect("a world");
+        for (world, cache_mode) in [
+            (&world, CacheMode::Separate),
+            (&world, CacheMode::Fused),
+            (&world, CacheMode::Interval(2)),
+            (&joined, CacheMode::Joined),
+        ] {
+            let mut rollout = seeded(world, &OperatingPoint { cache_mode, pictures_per_latent: 4, ..point(world) }, 1);
             let mut picture = Picture::new(1, 1).expect("a picture");
             let mut cost = Vec::with_capacity(12);
             for i in 0..12 {

@@ -18,7 +18,7 @@ use crate::world::{Job, OperatingPoint, Rollout, Schedule, Stage, StepInfo, Work
 /// The largest capacity of a rollout's queue, in steps.
 pub const CAIRN_MAX_QUEUE: u32 = 64;
 
-/// A flag of cairn_step_info: keys and values of the latent were copied into the ring.
+/// A flag of cairn_step_info: keys and values of the latent were copied into the ring; with joined passes, those of the latent before.
 pub const CAIRN_STEP_COMMITTED: u32 = 1;
 
 /// One running instance of a world: its memory of the past (a ring of keys and values), its clocks and its noise.

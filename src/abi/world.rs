@@ -208,7 +208,7 @@ describe!(cairn_world_memory, [], {
 /// options point to is read during the call only.
 /// Threads: any thread, at any time, also several loads at once.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for an operating point that does not fit the
-/// world, and for more slices than the transformer can have; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE;
+/// world, for more slices than the transformer can have, and for joined passes in slices or with a limit on submissions; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_IO; CAIRN_ERROR_INVALID_BUNDLE;
 /// CAIRN_ERROR_UNSUPPORTED for another version of the format, a precision the bundle does not have or that CAIRN_WORLD_CHECK_PRECISION
 /// refuses, joined passes that the bundle does not have, or no embedded world; CAIRN_ERROR_OUT_OF_MEMORY with the numbers;
 /// CAIRN_ERROR_DEVICE; CAIRN_ERROR_CANCELLED.
@@ -390,6 +390,10 @@ fn load(
     let world = World::load_with(device, &bundle, world_options, &|total| {
         reporter.report(CAIRN_LOAD_PREPARING, prepared.replace(prepared.get() + 1), total);
         reporter.check_cancelled()
+    })
+    .map_err(|error| match error.offending_field() {
+        Some("joined") => error.field("options.operating_point"),
+        _ => error,
     })?;
     let point = OperatingPoint { global_window: world.global_window(), ..point };
     Ok(LoadedWorld { licence: bundle.licence_text().map(str::to_owned), world, point })

@@ -29,8 +29,8 @@ pub enum Processor {
 /// total         = bundle + the sum of these
 /// ```
 ///
-/// With joined passes, `weights`, `intermediates` and `unpacked` are the sums of both graphs, except that a GPU has the weights once; there are
-/// three times the slabs.
+/// With joined passes, `weights`, `intermediates` and `unpacked` are the sums of both graphs, except for weights that they share; there are three
+/// times the slabs.
 ///
 /// `arena` is the overhead of the runtime's allocator: it grows during the first run and from the second on holds one planned block
 /// as well (measured with ONNX Runtime 1.24: 2.3 times the intermediates in total). During loading the runtime briefly holds weights
@@ -45,7 +45,7 @@ pub enum Processor {
 pub struct MemoryNeed {
     /// The bundle's own files, which stay in memory.
     pub bundle: u64,
-    /// Weights as the runtime holds them, of all three models.
+    /// Weights as the runtime holds them, of all models.
     pub weights: u64,
     /// Keys and values of one rollout's ring.
     pub ring: u64,
@@ -148,8 +148,11 @@ pub enum Passes {
     Whole,
     /// The transformer in so many slices, at least 1.
     Slices(u32),
-    /// The transformer and the joined graph.
-    Joined,
+    /// The transformer and the joined graph. `shared_weights`: both use the same weights, as f16 graphs do on DirectML.
+    Joined {
+        /// See above.
+        shared_weights: bool,
+    },
 }
 
 /// Memory of the transformer, of all slices.
@@ -211,11 +214,10 @@ impl Bundle {
         let transformer = match passes {
             Passes::Whole | Passes::Slices(1) => Need::of(&[transformer], processor),
             Passes::Slices(slices) => Need::in_slices(&self.splitting(precision, g)?.split(slices)?, processor),
-            Passes::Joined => {
+            Passes::Joined { shared_weights } => {
                 let joined = self.footprint(GraphKind::Joined, precision, g)?;
                 let both = Need::of(&[transformer, joined], processor);
-                // A graphics device has the weights once, as inputs of both sessions.
-                if processor == Processor::Gpu { Need { weights: transformer.weights, ..both } } else { both }
+                if shared_weights { Need { weights: transformer.weights, ..both } } else { both }
             }
         };
 
@@ -225,7 +227,7 @@ impl Bundle {
         let ring = (0..geometry.layers).map(|i| geometry.past_len(i, g) * pairs).fold(0, u64::saturating_add);
         let slabs = u64::from(geometry.layers).saturating_mul(geometry.slab_len() * pairs);
         // Those of a finished latent, and those that its commit replaces.
-        let slabs = slabs.saturating_mul(if passes == Passes::Joined { 3 } else { 1 });
+        let slabs = slabs.saturating_mul(if matches!(passes, Passes::Joined { .. }) { 3 } else { 1 });
         let others = [&encoder, &decoder];
         let weights = others.map(|f: &Footprint| f.weights).into_iter().fold(transformer.weights, u64::saturating_add);
         let unpacked = others.map(|f| f.unpacked.on(processor)).into_iter().fold(transformer.unpacked, u64::max);

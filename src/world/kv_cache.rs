@@ -53,7 +53,7 @@ struct SlotCopies {
 
 /// A deferred commit that was made, and can be undone.
 #[must_use]
-pub(super) struct MadeCommit(Vec<SlotCopies>);
+pub(super) struct MadeCommit([Option<SlotCopies>; 2]);
 
 impl KvCache {
     pub(super) fn new(context: &mut dyn ExecutionContext, world: &World) -> Result<Self> {
@@ -99,18 +99,15 @@ impl KvCache {
         global: Option<usize>,
     ) -> Result<MadeCommit> {
         let [locals, globals] = &self.deferred.as_ref().expect("the world has the joined graph").slots;
-        let slots = [local.map(|slot| locals[slot]), global.map(|slot| globals[slot])];
-        let slots: Vec<SlotCopies> = slots.into_iter().flatten().collect();
-        let each = |copies: fn(&SlotCopies) -> RecordedCopiesId| slots.iter().map(copies).collect::<Vec<_>>();
-        context.run_copies(&each(|slot| slot.back_up))?;
-        context.run_copies(&each(|slot| slot.commit))?;
-        Ok(MadeCommit(slots))
+        let made = MadeCommit([local.map(|slot| locals[slot]), global.map(|slot| globals[slot])]);
+        made.with(|slot| slot.back_up, |copies| context.run_copies(copies))?;
+        made.with(|slot| slot.commit, |copies| context.run_copies(copies))?;
+        Ok(made)
     }
 
     /// Restores what the ring slots had before `made`.
     pub(super) fn undo(context: &mut dyn ExecutionContext, made: &MadeCommit) -> Result<()> {
-        let copies: Vec<_> = made.0.iter().map(|slot| slot.undo).collect();
-        context.undo_copies(&copies)
+        made.with(|slot| slot.undo, |copies| context.undo_copies(copies))
     }
 
     /// The rings in the order of the transformer's `past` inputs.
@@ -147,6 +144,21 @@ impl KvCache {
             (Some(local), Some(global)) => context.run_copies(&[local, global, others]),
             (Some(slot), None) | (None, Some(slot)) => context.run_copies(&[slot, others]),
             (None, None) => context.run_copies(&[others]),
+        }
+    }
+}
+
+impl MadeCommit {
+    /// Hands one kind of copies of its slots to `run`, if there are any.
+    fn with(
+        &self,
+        copies: fn(&SlotCopies) -> RecordedCopiesId,
+        run: impl FnOnce(&[RecordedCopiesId]) -> Result<()>,
+    ) -> Result<()> {
+        match &self.0 {
+            [Some(local), Some(global)] => run(&[copies(local), copies(global)]),
+            [Some(slot), None] | [None, Some(slot)] => run(&[copies(slot)]),
+            [None, None] => Ok(()),
         }
     }
 }

@@ -10,7 +10,7 @@ use super::missing_operator;
 use super::operating_point::{CacheMode, OperatingPoint};
 use super::transformer::{Transformer, TransformerSource};
 use crate::bundle::{Bundle, GraphKind, Manifest, MemoryNeed, Passes, Precision, Processor, available_memory};
-use crate::runtime::{Device, Graph};
+use crate::runtime::{Device, DeviceKind, Graph};
 use crate::{Error, ErrorKind, Result};
 
 /// How a bundle is loaded.
@@ -44,7 +44,7 @@ pub struct WorldOptions {
     /// `DirectMlOptions::longest_submission`.
     pub longest_submission: Option<Duration>,
     /// Whether the joined graph is loaded as well, for rollouts with [`CacheMode::Joined`](super::CacheMode::Joined). It needs one more session, and
-    /// on a processor its own copy of the weights. Joined passes are not divided into slices.
+    /// its own copy of the weights, except in f16 on DirectML. Joined passes are not divided into slices.
     pub joined: bool,
 }
 
@@ -79,7 +79,7 @@ pub struct World {
 }
 
 impl World {
-    /// Loads `bundle` on `device`: compares its memory need with the available memory, makes the three sessions and checks their
+    /// Loads `bundle` on `device`: compares its memory need with the available memory, makes the sessions and checks their
     /// tensors against the manifest's geometry. Takes seconds to minutes with real weights. The bundle's bytes are not needed
     /// afterwards.
     ///
@@ -119,8 +119,12 @@ impl World {
                 .remedy("Load it without a limit on submissions and in one slice, or without joined passes"));
         }
         let processor = if device.is_gpu() { Processor::Gpu } else { Processor::Cpu };
-        let fits_in = |precision, g: u32, slices: u32| {
-            let passes = if options.joined { Passes::Joined } else { Passes::Slices(slices) };
+        // `is_loaded`: as rollouts use it, and not only to compare with.
+        let fits_in = |precision, g: u32, slices: u32, is_loaded: bool| {
+            // Of an f32 graph no weight is a session's input: it casts all of them.
+            let shared_weights = device.kind() == DeviceKind::Direct3d12 && precision == Precision::F16;
+            let is_joined = options.joined && is_loaded;
+            let passes = if is_joined { Passes::Joined { shared_weights } } else { Passes::Slices(slices) };
             let need = bundle.memory_need_in(precision, processor, g, passes)?;
             // Available memory already excludes the loaded bundle.
             let limit = options.memory_limit.or_else(|| Some(available_memory()?.saturating_add(need.bundle)));
@@ -128,7 +132,7 @@ impl World {
             device.available_memory().map_or(Ok(()), |available| need.check_fits_on_device(available))?;
             Ok(need)
         };
-        let fits = |g: u32| fits_in(precision, g, options.slices.unwrap_or(1));
+        let fits = |g: u32| fits_in(precision, g, options.slices.unwrap_or(1), true);
         let (global_window, mut need) = match options.fit_window {
             true => widest(global_window, geometry.global.dilation, fits)?,
             false => (global_window, fits(global_window)?),
@@ -143,7 +147,7 @@ impl World {
         let explain = |error| missing_operator::explain(error, manifest, &device.describe());
         let reference = match is_checked {
             true => {
-                fits_in(Precision::F32, geometry.global.dilation, 1).map_err(|error| {
+                fits_in(Precision::F32, geometry.global.dilation, 1, false).map_err(|error| {
                     let remedy =
                         "Free memory, or load it without the check, which holds the f32 transformer for a while";
                     error.field("check_precision").remedy(remedy)
@@ -161,7 +165,7 @@ impl World {
         let source = TransformerSource { device, bundle, precision, shapes: &shapes, global_window };
         let (transformer, longest_slice) = match (options.slices, options.longest_submission) {
             (None, Some(limit)) => {
-                let fits = |slices| fits_in(precision, global_window, slices).is_ok();
+                let fits = |slices| fits_in(precision, global_window, slices, true).is_ok();
                 let counted = Cell::new(1);
                 let proceed = |slices: u32| {
                     // Sessions of the transformer in fewer slices were made as well.
@@ -171,7 +175,7 @@ impl World {
                     proceed()
                 };
                 let (transformer, longest) = source.load_within(limit, &fits, &proceed).map_err(explain)?;
-                need = fits_in(precision, global_window, transformer.slices())?;
+                need = fits_in(precision, global_window, transformer.slices(), true)?;
                 (transformer, Some(longest))
             }
             (slices, _) => (source.load(slices.unwrap_or(1), &proceed).map_err(explain)?, None),

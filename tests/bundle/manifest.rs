@@ -1,8 +1,9 @@
 //! Every member of the manifest, invalid in turn: the error names it and a remedy.
 
 use cairn::ErrorKind;
-use cairn::bundle::{Bundle, MANIFEST_NAME, Manifest};
+use cairn::bundle::{Bundle, GraphKind, MANIFEST_NAME, Manifest, Precision};
 use serde_json::{Value as Json, json};
+use test_support::bundles::onnx_writer::{Dim, Model};
 use test_support::bundles::toy_bundle::ToyBundle;
 
 use crate::refusal;
@@ -144,6 +145,37 @@ fn each_missing_and_each_unknown_member_is_named() {
         unknown += 1;
     });
     assert!(missing > 60 && unknown > 15, "{missing} and {unknown} cases");
+}
+
+#[test]
+fn joined_graphs_are_in_both_precisions_or_in_none() {
+    let toy = ToyBundle::with_joined();
+    let bundle = Bundle::from_memory(toy.files()).unwrap();
+    assert!(bundle.model(GraphKind::Joined, Precision::F16).is_ok());
+    for (pointer, wrong, field) in [
+        ("/graphs/f32/joined", json!(null), "graphs.f32.joined"),
+        ("/graphs/f32/joined", json!("none.onnx"), "graphs.f32.joined"),
+        ("/graphs/f32/joined", json!("decoder.f32.onnx"), "graphs.f32.joined"),
+        ("/graphs/f32/joined", json!("transformer.f16.onnx"), "graphs.f16.transformer"),
+    ] {
+        let edit = |manifest: &mut serde_json::Value| *manifest.pointer_mut(pointer).unwrap() = wrong.clone();
+        let error = refusal(&wrong.to_string(), Bundle::from_memory(toy.files_with(edit)));
+        assert_eq!(error.offending_field(), Some(field), "{wrong}: {error}");
+    }
+    for precision in ["f32", "f16"] {
+        let files =
+            toy.files_with(|manifest| drop(manifest["graphs"][precision].as_object_mut().unwrap().remove("joined")));
+        assert_eq!(refusal(precision, Bundle::from_memory(files)).offending_field(), Some("graphs.f16.joined"));
+    }
+    let wrong = |edit: fn(&mut Model)| {
+        let mut toy = toy.clone();
+        edit(toy.model("joined.f16.onnx"));
+        refusal("a wrong joined graph", Bundle::from_memory(toy.files())).to_string()
+    };
+    assert!(wrong(|model| drop(model.inputs.remove(1))).contains("`finished`"));
+    assert!(wrong(|model| model.inputs[6].dims.truncate(1)).contains("`controls`"));
+    // Keys of the next latent in place of those of the finished one have another shape.
+    assert!(wrong(|model| model.outputs[1].dims[2] = Dim::Number(2)).contains("`present.0.k`"));
 }
 
 #[test]

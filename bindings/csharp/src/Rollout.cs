@@ -14,7 +14,7 @@ namespace Cairn
             this.from = from;
         }
 
-        /// <summary>Whether keys and values of the latent were written to the ring.</summary>
+        /// <summary>Whether keys and values of the latent, with joined passes of the one before, were written to the ring.</summary>
         public bool IsCommitted
         {
             get { return (from.flags & Native.STEP_COMMITTED) != 0; }

@@ -108,7 +108,7 @@ class Anchor(Object):
 
 @dataclass(frozen=True)
 class StepInfo:
-    """Report on a step. `committed` is true if keys and values were copied into the ring; times are nanoseconds of wall time."""
+    """Report on a step. `committed` is true if keys and values were copied into the ring, with joined passes those of the latent before; times are nanoseconds of wall time."""
 
     committed: bool
     latent: int

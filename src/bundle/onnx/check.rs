@@ -35,7 +35,8 @@ pub(in crate::bundle) struct ModelContext<'a> {
 
 impl ModelContext<'_> {
     fn path(&self) -> &str {
-        self.manifest.graphs.of(self.precision).and_then(|files| files.of(self.kind)).unwrap_or_default()
+        // A manifest may lack the joined graph alone.
+        self.manifest.graphs.of(self.precision).and_then(|files| files.of(self.kind)).unwrap_or("joined")
     }
 
     /// The error for the model, with `cause`.

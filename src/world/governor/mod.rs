@@ -274,6 +274,9 @@ fn by_window(others: &[Arc<World>], current: &Arc<World>) -> Result<Vec<Arc<Worl
     if !worlds.iter().all(same) {
         return invalid("worlds", "one is of another bundle or precision".into());
     }
+    if current.joined.is_some() && worlds.iter().any(|world| world.joined.is_none()) {
+        return invalid("worlds", "one was loaded without joined passes".into());
+    }
     if let Some(two) = worlds.windows(2).find(|two| two[0].global_window() == two[1].global_window()) {
         return invalid("worlds", format!("two have g{}", two[0].global_window()));
     }

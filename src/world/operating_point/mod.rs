@@ -18,7 +18,7 @@ pub const MAX_INTERVAL: u32 = 4_096;
 
 /// Which keys and values a generated latent commits to the ring.
 ///
-/// An appended picture always runs its own cache pass at sigma 0 and commits, in every mode.
+/// An appended picture always has its own cache pass at sigma 0 and commits, in every mode.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum CacheMode {
     /// A separate forward pass at sigma 0 with the same controls, as in the paper and in Waypoint.

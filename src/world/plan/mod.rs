@@ -163,7 +163,8 @@ impl Planner {
         })
     }
 
-    /// Plans the append of a picture: no denoise pass, zero controls, its own cache pass at sigma 0.
+    /// Plans the append of a picture: no denoise pass, zero controls, its own cache pass at sigma 0, which the next step makes in a rollout with
+    /// joined passes.
     ///
     /// # Errors
     /// `Unsupported` when a clock has run out, after 2^64 / `time_multiplier` latents.
@@ -253,8 +254,7 @@ impl Planner {
             return commits;
         };
         let plan = plan.get_or_insert_default();
-        // The latent was planned, so its time does not overflow.
-        plan.rope_time = (latents - 1) * u64::from(self.time_multiplier);
+        plan.rope_time = (latents - 1).saturating_mul(self.time_multiplier.into());
         plan.controls.clone_from(controls);
         for (ring, ring_plan) in [(&self.local, &mut plan.local), (&self.global, &mut plan.global)] {
             ring_plan.visible.clear();
@@ -262,6 +262,23 @@ impl Planner {
             ring_plan.slot = ring.is_write_step(commits).then(|| ring.slot(commits));
         }
         commits + 1
+    }
+
+    /// Whether `plan` is the commit that was deferred, or none is and it is `None`.
+    fn is_pending(&self, plan: Option<&PendingPlan>) -> bool {
+        let Clocks { latents, commits, .. } = self.clocks;
+        let (Some(controls), Some(plan)) = (&self.pending, plan) else {
+            return self.pending.is_none() && plan.is_none();
+        };
+        let is_of = |ring: &Ring, plan: &RingPlan| {
+            let slot = ring.is_write_step(commits).then(|| ring.slot(commits));
+            let visible = (0..ring.slot_count()).map(|slot| ring.is_visible(commits, slot));
+            plan.slot == slot && visible.eq(plan.visible.iter().copied())
+        };
+        plan.controls == *controls
+            && plan.rope_time == (latents - 1).saturating_mul(self.time_multiplier.into())
+            && is_of(&self.local, &plan.local)
+            && is_of(&self.global, &plan.global)
     }
 
     /// Records that `plan` was executed: marks the slots that it wrote and advances the clocks. The plan may be another planner's or
@@ -315,9 +332,13 @@ impl Planner {
         if plan.cache == CachePass::Fused && plan.sigmas.is_empty() {
             return wrong("cache", "there is no denoise pass whose keys and values could be kept".into());
         }
-        let mut pending = None;
-        self.fill_pending(&mut pending);
-        if plan.pending != pending {
+        if plan.cache == CachePass::Deferred && self.cache_mode != CacheMode::Joined {
+            return wrong("cache", "only a rollout with joined passes defers commits".into());
+        }
+        if plan.pending.is_some() && plan.commits_itself() {
+            return wrong("cache", "a step that commits the latent before does not commit its own as well".into());
+        }
+        if !self.is_pending(plan.pending.as_ref()) {
             return wrong("pending", "it is not the commit that the latent before has left".into());
         }
         if plan.controls.len() != self.controls.len() {

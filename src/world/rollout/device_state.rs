@@ -16,7 +16,7 @@ use crate::runtime::{Decoded, Snapshot};
 use crate::world::autoencoder::Autoencoder;
 use crate::world::convert;
 use crate::world::graph_spec::Shapes;
-use crate::world::kv_cache::{KvCache, KvPart};
+use crate::world::kv_cache::{KvCache, KvPart, MadeCommit};
 use crate::world::passes::Passes;
 use crate::world::plan::{CachePass, StepPlan};
 use crate::world::resize::Bilinear;
@@ -54,6 +54,8 @@ pub(super) struct DeviceState {
     finite_checks: [FiniteCheckId; 2],
     /// The same for a step that commits the latent before it: K and V are that latent's. Only where the world has the joined graph.
     joined_checks: Option<[FiniteCheckId; 2]>,
+    /// A commit of a failed step that could not be undone either.
+    not_undone: Option<MadeCommit>,
     /// A finite check of the latent alone.
     latent_check: FiniteCheckId,
     shapes: Shapes,
@@ -92,6 +94,7 @@ impl DeviceState {
             keep_latent,
             finite_checks,
             joined_checks,
+            not_undone: None,
             latent_check,
             shapes,
             precision,
@@ -145,26 +148,60 @@ impl DeviceState {
     }
 
     /// Does all device work of a step, from its denoise passes on: they start from the plan's noise, or from a latent that was set or
-    /// encoded. The state changes only after every result is complete and finite, and then all at once.
+    /// encoded. The state changes only after every result is complete and finite, and then all at once; a deferred commit is made before, and
+    /// undone if the step fails.
     pub(super) fn execute(&mut self, plan: &StepPlan, measured: &mut StepMeasurement) -> Result<()> {
+        self.finish_undo()?;
         self.passes.prepare(&mut *self.context, plan, [0.0, 0.0])?;
         let start = Instant::now();
         self.passes.start(&mut *self.context, plan)?;
         let Some(pending) = &plan.pending else { return self.execute_from(plan, 0, start, measured) };
         self.passes.joined_pass(&mut *self.context, plan, pending)?;
-        // Its time is that of a denoise pass.
-        measured.stages.cache.count += 1;
+        // Its time is that of the first denoise pass, if there is one.
+        let start = match plan.sigmas.is_empty() {
+            true => {
+                measured.stages.cache.add(1, start);
+                Instant::now()
+            }
+            false => {
+                measured.stages.cache.count += 1;
+                start
+            }
+        };
         // The other passes read it from the ring.
         let before = self.context.bytes().copied;
         let made = self.kv.commit_finished(&mut *self.context, pending.local.slot, pending.global.slot)?;
         let copied = self.context.bytes().copied - before;
         let result = self.execute_from(plan, 1, start, measured);
-        match result {
+        match &result {
             // Half of the bytes were copied to the backup.
             Ok(()) => measured.ring_bytes += copied / 2,
-            Err(_) => KvCache::undo(&mut *self.context, &made)?,
+            Err(_) => {
+                if let Err(why) = KvCache::undo(&mut *self.context, &made) {
+                    log::warn!("what a failed step has changed is restored before the next: {why}");
+                    self.not_undone = Some(made);
+                }
+            }
         }
         result
+    }
+
+    /// Restores the ring, if a failed step could not.
+    fn finish_undo(&mut self) -> Result<()> {
+        if let Some(made) = &self.not_undone {
+            KvCache::undo(&mut *self.context, made)?;
+            self.not_undone = None;
+        }
+        Ok(())
+    }
+
+    /// Fails while the ring has what a failed step has put there.
+    pub(super) fn check_restored(&self) -> Result<()> {
+        match self.not_undone {
+            None => Ok(()),
+            Some(_) => Err(Error::new(ErrorKind::Device, "the ring could not be restored after a failed step")
+                .remedy("Make the step again")),
+        }
     }
 
     /// The work of a step from denoise pass `first` on. `start` is when its denoising started.

@@ -64,7 +64,7 @@ impl Rollout {
     /// # Errors
     /// As for [`Schedule::table`]; `InvalidArgument` for a budget without limits or with a time of 0, a multiplier outside 1 to 64,
     /// more than eight schedules or worlds, schedules that do not decrease in passes, two worlds with one window, and worlds of
-    /// another bundle or precision; `OutOfMemory`, with figures, if even the narrowest window needs too much. Nothing has changed
+    /// another bundle or precision, or without joined passes if its own has them; `OutOfMemory`, with figures, if even the narrowest window needs too much. Nothing has changed
     /// then.
     pub fn govern(&mut self, budget: &Budget, worlds: &[Arc<World>]) -> Result<Arc<Governor>> {
         let settings = GovernorSettings::new(budget, worlds, &self.world, &self.point.schedule)?;

@@ -100,8 +100,8 @@ impl Rollout {
     }
 
     /// Appends a still picture of any size, as the seed or later in a rollout. The picture is resized to the autoencoder's size,
-    /// without regard to its aspect ratio, encoded, committed by a cache pass of its own at sigma 0 with idle controls, and
-    /// decoded.
+    /// without regard to its aspect ratio, encoded, committed by a cache pass of its own at sigma 0 with idle controls (with
+    /// joined passes, in the next step), and decoded.
     ///
     /// # Errors
     /// `Device` when a pass fails or gives a value that is not finite; `Unsupported` when a clock has run out.
@@ -209,9 +209,18 @@ impl Rollout {
     /// -1, and K and V of the latent. The rollout is unchanged.
     ///
     /// # Errors
-    /// As [`execute_append`](Self::execute_append), for any plan.
+    /// As [`execute_append`](Self::execute_append), for any plan; `Unsupported` for one with a pending commit, because the ring lacks the latent
+    /// before.
     pub fn probe(&mut self, plan: &StepPlan, sigma: f32, x: &[f32]) -> Result<Probe> {
         self.check_plan(plan)?;
+        if plan.pending.is_some() {
+            return Err(Error::new(
+                ErrorKind::Unsupported,
+                "the last latent's keys and values are not in the ring yet",
+            )
+            .field("plan.pending")
+            .remedy("Probe a rollout with separate cache passes"));
+        }
         self.check_latent(x)?;
         if !sigma.is_finite() {
             return Err(not_finite("sigma"));

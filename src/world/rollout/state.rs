@@ -48,6 +48,7 @@ impl Rollout {
     /// # Errors
     /// `OutOfMemory` when the copy does not fit; `Device` when the device cannot be read.
     pub fn save(&self) -> Result<Vec<u8>> {
+        self.device.check_restored()?;
         let (head, planner) = self.head_and_planner()?;
         let len = self.len_with(&head, &planner);
         let mut out = Vec::new();

@@ -73,10 +73,14 @@ impl Times {
         let first = slices.next().flatten()?;
         let passes =
             slices.try_fold(first, |sum, slice| Some(GpuTimeStatistics { frames: sum.frames, ..sum.merge(slice?) }));
+        let mut passes = passes?;
+        for graph in world.joined.iter().flat_map(|joined| joined.graphs()) {
+            passes = passes.merge(gpu_time(Work::Runs(graph))?);
+        }
         let earlier = &self.earlier;
         Some(DeviceTimes {
             encode: earlier.encode.merge(gpu_time(Work::Runs(&world.encoder))?),
-            passes: earlier.passes.merge(passes?),
+            passes: earlier.passes.merge(passes),
             decode: earlier.decode.merge(gpu_time(Work::Runs(&world.decoder))?),
             commit: earlier.commit.merge(gpu_time(Work::RecordedCopies)?),
             external: earlier.external.merge(context.external_times()?),

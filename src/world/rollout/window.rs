@@ -29,6 +29,7 @@ impl Rollout {
         if world.precision() != self.world.precision() {
             return refuse("it computes in another precision");
         }
+        self.device.check_restored()?;
         let point = OperatingPoint { global_window: world.global_window(), ..self.point.clone() };
         let freed = self.world.rollout_need();
         let mut moved = Self::with_stop(world, &point, self.planner.seed(), self.stop_flag().clone(), freed)?;

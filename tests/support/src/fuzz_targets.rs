@@ -24,7 +24,7 @@ const MODELS: [(GraphKind, Precision); 8] = [
 ];
 
 static TOY: LazyLock<Manifest> = LazyLock::new(|| {
-    let text = ToyBundle::new().full_manifest().to_string();
+    let text = ToyBundle::with_joined().full_manifest().to_string();
     Manifest::parse(text.as_bytes()).expect("the toy's manifest is valid")
 });
 
@@ -144,7 +144,7 @@ pub mod seeds {
 
     /// The toy bundle's models, each after the byte that selects it.
     pub fn onnx() -> Vec<Vec<u8>> {
-        let contents = ToyBundle::new().contents();
+        let contents = ToyBundle::with_joined().contents();
         let seed = |(i, (kind, precision))| {
             let mut bytes = vec![i as u8];
             bytes.extend(&contents[&format!("{kind}.{precision}.onnx")]);

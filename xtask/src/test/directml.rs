@@ -26,8 +26,9 @@ const SHORT_BUDGETS: [&str; 2] = [
 /// That a value passes float16's largest number depends on the device: a processor adds float16 in float32.
 const SHORT_HALF_PRECISION: [&str; 1] = ["sums_that_pass_float16_are_named_and_float32_mends_them"];
 
-/// Both graphs use the same weights on the device.
-const SHORT_JOINED: [&str; 1] = ["joined_passes_give_the_latents_of_separate_ones"];
+/// In float16 both graphs use the same weights on the device.
+const SHORT_JOINED: [&str; 2] =
+    ["joined_passes_give_the_latents_of_separate_ones", "half_precision_is_as_near_as_a_single_pass"];
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();

@@ -400,6 +400,8 @@ def _rates(options: argparse.Namespace) -> int:
     if options.reports is None:
         print((rates.summary if options.summary else rates.table)(worlds))
         return 0
+    if options.joined:
+        raise BuildError("the reports are of separate cache passes", field="--reports", remedy="Leave out --joined.")
     if options.summary:
         raise BuildError("the short table has no measured rates", field="--reports", remedy="Leave out --summary.")
     if not any(world.name == measured.WORLD for world in worlds):

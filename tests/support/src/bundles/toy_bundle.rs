@@ -41,6 +41,17 @@ impl ToyBundle {
         Self { manifest: manifest(), models, data: data.into() }
     }
 
+    /// A valid bundle with joined graphs.
+    pub fn with_joined() -> Self {
+        let mut toy = Self::new();
+        for (precision, f) in [("f32", F32), ("f16", F16)] {
+            let name = format!("joined.{precision}.onnx");
+            toy.manifest["graphs"][precision]["joined"] = name.as_str().into();
+            toy.models.insert(name, joined(f));
+        }
+        toy
+    }
+
     /// The model with this file name.
     pub fn model(&mut self, name: &str) -> &mut Model {
         self.models.get_mut(name).expect("the toy bundle has this model")
@@ -146,12 +157,77 @@ impl Model {
     }
 }
 
-fn transformer(f: i64) -> Model {
-    let symbolic = |name: &str, dims: [&str; 4]| Value {
+/// A value whose dimensions are numbers or names.
+fn symbolic(name: &str, f: i64, dims: [&str; 4]) -> Value {
+    Value {
         name: name.to_owned(),
         data_type: f,
         dims: dims.iter().map(|d| d.parse().map_or_else(|_| Dim::Symbol((*d).to_owned()), Dim::Number)).collect(),
-    };
+    }
+}
+
+/// Two tokens, of the finished latent and of the next one.
+fn joined(f: i64) -> Model {
+    let mut inputs = vec![
+        value("x", f, &[1, 1, 2, 2]),
+        value("finished", f, &[1, 1, 2, 2]),
+        value("sigma", F32, &[2]),
+        value("dsigma", F32, &[1]),
+        value("rope_cos", F32, &[1, 1, 2, 4]),
+        value("rope_sin", F32, &[1, 1, 2, 4]),
+        value("controls", F32, &[2, 259]),
+        symbolic("local_mask", f, ["1", "2", "1", "local_keys"]),
+        symbolic("global_mask", f, ["1", "2", "1", "global_keys"]),
+    ];
+    let mut outputs = vec![value("x_next", f, &[1, 1, 2, 2])];
+    for (i, past) in [(0, "local_past"), (1, "global_past")] {
+        for half in ["k", "v"] {
+            inputs.push(symbolic(&format!("past.{i}.{half}"), f, ["1", "1", past, "8"]));
+            outputs.push(value(&format!("present.{i}.{half}"), f, &[1, 1, 1, 8]));
+        }
+    }
+    let mut m = model(inputs, outputs);
+    for (name, numbers) in [
+        ("rows.shape", &[1, 1, 2, -1][..]),
+        ("latents.shape", &[1, 2, 1, -1]),
+        ("latent.shape", &[1, 1, 2, 2]),
+        ("at.0", &[0]),
+        ("at.1", &[1]),
+        ("at.2", &[2]),
+    ] {
+        m.tensors.push(inside_ints(name, numbers));
+    }
+    for (i, name) in ["q", "k", "v"].into_iter().enumerate() {
+        m.weight(name, f, &[4, 8], 64 * i as u64);
+    }
+    m.weight("out", f, &[8, 4], 192);
+    m.add("Concat", &["finished", "x"], "latents", vec![int("axis", 0)]);
+    m.add("Reshape", &["latents", "rows.shape"], "row.0", vec![]);
+    for (i, mask) in [(0, "local_mask"), (1, "global_mask")] {
+        let n = |name: &str| format!("{name}.{i}");
+        for half in ["q", "k", "v"] {
+            m.add("MatMul", &[&n("row"), &format!("{half}.w")], &n(half), vec![]);
+        }
+        for (half, all) in [("k", "keys"), ("v", "values")] {
+            m.add("Slice", &[&n(half), "at.0", "at.1", "at.2"], &format!("present.{i}.{half}"), vec![]);
+            m.add("Concat", &[&format!("past.{i}.{half}"), &n(half)], &n(all), vec![int("axis", 2)]);
+        }
+        m.add("Transpose", &[&n("keys")], &n("turned"), vec![ints("perm", &[0, 1, 3, 2])]);
+        m.add("MatMul", &[&n("q"), &n("turned")], &n("scores"), vec![]);
+        m.add("Reshape", &[&n("scores"), "latents.shape"], &n("each"), vec![]);
+        m.add("Add", &[&n("each"), mask], &n("masked"), vec![]);
+        m.add("Reshape", &[&n("masked"), "rows.shape"], &n("rows"), vec![]);
+        m.add("Softmax", &[&n("rows")], &n("shares"), vec![int("axis", -1)]);
+        m.add("MatMul", &[&n("shares"), &n("values")], &n("mix"), vec![]);
+        m.add("MatMul", &[&n("mix"), "out.w"], &n("out"), vec![]);
+        m.add("Add", &[&n("row"), &n("out")], &format!("row.{}", i + 1), vec![]);
+    }
+    m.add("Slice", &["row.2", "at.1", "at.2", "at.2"], "next", vec![]);
+    m.add("Reshape", &["next", "latent.shape"], "x_next", vec![]);
+    m
+}
+
+fn transformer(f: i64) -> Model {
     let mut inputs = vec![
         value("x", f, &[1, 1, 2, 2]),
         value("sigma", F32, &[1]),
@@ -159,14 +235,14 @@ fn transformer(f: i64) -> Model {
         value("rope_cos", F32, &[1, 1, 1, 4]),
         value("rope_sin", F32, &[1, 1, 1, 4]),
         value("controls", F32, &[1, 259]),
-        symbolic("local_mask", ["1", "1", "1", "local_keys"]),
-        symbolic("global_mask", ["1", "1", "1", "global_keys"]),
+        symbolic("local_mask", f, ["1", "1", "1", "local_keys"]),
+        symbolic("global_mask", f, ["1", "1", "1", "global_keys"]),
     ];
     let mut outputs = vec![value("x_next", f, &[1, 1, 2, 2])];
     // Layer 1 is global: (1 - -1) mod 2 is 0.
     for (i, past) in [(0, "local_past"), (1, "global_past")] {
         for half in ["k", "v"] {
-            inputs.push(symbolic(&format!("past.{i}.{half}"), ["1", "1", past, "8"]));
+            inputs.push(symbolic(&format!("past.{i}.{half}"), f, ["1", "1", past, "8"]));
             outputs.push(value(&format!("present.{i}.{half}"), f, &[1, 1, 1, 8]));
         }
     }
