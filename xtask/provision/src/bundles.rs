@@ -147,7 +147,8 @@ mod tests {
         let refused = bundle("huge", &Silent).unwrap_err().to_string();
         assert!(
             refused.contains("huge")
-                && refused.contains("tiny, window, stream, demo, tiny-residual, miniature-8bit, miniature-4bit"),
+                && refused
+                    .contains("tiny, window, stream, joined, demo, tiny-residual, miniature-8bit, miniature-4bit"),
             "{refused}"
         );
     }
