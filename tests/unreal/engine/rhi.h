@@ -3,7 +3,7 @@
 
 #include "core.h"
 
-enum EPixelFormat : uint8 { PF_Unknown, PF_B8G8R8A8, PF_FloatRGBA, PF_G8, PF_R8G8B8A8 };
+enum EPixelFormat : uint8 { PF_Unknown, PF_B8G8R8A8, PF_FloatRGBA, PF_G8, PF_R8G8B8A8, PF_A2B10G10R10 };
 
 enum class ERHIAccess : uint32 { Unknown = 0, CopySrc = 1, CopyDest = 2, SRVMask = 4, RTV = 8 };
 
