@@ -79,7 +79,7 @@ def expected_joined(g, precision):
 @pytest.mark.parametrize("preset", ["tiny", "demo", "360p", "720p"])
 def test_the_joined_graph_has_two_latents(preset, precision):
     g = PRESETS[preset][1]
-    graph = transformer.build_joined(g, precision, layouts(g)[0])
+    graph = transformer.build_transformer(g, precision, layouts(g)[0], joined=True)
     model = graph.model()
     inputs, outputs = expected_joined(g, precision)
     assert signature(model.graph.input) == inputs and signature(model.graph.output) == outputs

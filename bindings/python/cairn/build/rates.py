@@ -27,7 +27,7 @@ from .measured import PRESET, WORLD, Measured, Reports, is_same
 from .published import POINTS, Point
 from .quantise import Quantisation, unpacked_bytes
 from .table import activation_peak, ring_bytes, slab_bytes, weight_bytes
-from .transformer import build_joined
+from .transformer import build_transformer
 from .writer import build_graphs, layouts
 
 
@@ -125,7 +125,8 @@ class World:
     def __init__(self, name: str, g: Geometry, quantisation: Quantisation | None = None):
         self.name, self.geometry = name, g
         self._graphs = build_graphs(g, "f16", quantisation=quantisation)
-        self._joined = build_joined(g, "f16", layouts(g, quantisation)[0], quantisation=quantisation) if g.joined else None
+        weights = layouts(g, quantisation)[0]
+        self._joined = build_transformer(g, "f16", weights, quantisation=quantisation, joined=True) if g.joined else None
         self._unpacked = unpacked_bytes(g, quantisation, "f16")
         self._weights = {kind: weight_bytes({kind: graph}) for kind, graph in self._graphs.items()}
         pictures = 3 * math.prod(g.decoded) * 4

@@ -64,20 +64,12 @@ def build_transformer(
     weights: dict[str, Placed],
     fourier_rounding: str = "none",
     quantisation: Quantisation | None = None,
+    *,
+    joined: bool = False,
 ) -> Graph:
-    """The whole graph; its inputs and outputs are those of `docs/bundle.md`, in order."""
-    return _Transformer(g, precision, weights, quantisation).build(fourier_rounding)
-
-
-def build_joined(
-    g: Geometry,
-    precision: str,
-    weights: dict[str, Placed],
-    fourier_rounding: str = "none",
-    quantisation: Quantisation | None = None,
-) -> Graph:
-    """The joined graph; its inputs and outputs are those of `docs/bundle.md`, in order."""
-    return _JoinedTransformer(g, precision, weights, quantisation).build(fourier_rounding)
+    """The whole graph, or the joined one; its inputs and outputs are those of `docs/bundle.md`, in order."""
+    kind = _JoinedTransformer if joined else _Transformer
+    return kind(g, precision, weights, quantisation).build(fourier_rounding)
 
 
 class _Transformer:
@@ -212,7 +204,11 @@ class _Transformer:
         return o.concat([o.constant(f"ones.{n}", np.ones(n, np.float32)) for n in parts], 0, "ones")
 
     def modulated_norm(self, x: str, gain: str, shift: str, label: str) -> str:
-        """rms_norm(x) * gain + shift, in the graph's precision."""
+        """rms_norm(x) * gain + shift for all latents, in the graph's precision."""
+        return self.modulated_norm_of_one(x, gain, shift, label)
+
+    def modulated_norm_of_one(self, x: str, gain: str, shift: str, label: str) -> str:
+        """The same for one latent, whose gain is a vector: [1, T, D]."""
         o = self.graph
         return o.cast(o.add(self.rms_norm(x, gain, f"{label}.scaled"), shift, f"{label}.shifted"), o.precision)
 
@@ -298,7 +294,7 @@ class _Transformer:
         act = o.cast(o.silu(cond, "out.cond"), o.precision)
         scale, shift = o.split(o.cast(o.linear(act, "out_norm.fc", "out.modulation"), "f32"), 2, 1, "out.part")
         gain = o.reshape(o.add(scale, o.number(1.0, "f32"), "out.gain"), [g.width], "out.gain.vector")
-        y = o.silu(self.modulated_norm(h, gain, shift, "out.norm"), "out.act")
+        y = o.silu(self.modulated_norm_of_one(h, gain, shift, "out.norm"), "out.act")
         y = o.add(o.linear(y, "unpatchify", "unpatchify.cells"), o.weight("unpatchify.bias"), "unpatchify.biased")
         rows, columns = g.grid
         # A token's values are ordered (c, row in patch, column in patch).
@@ -346,8 +342,6 @@ class _JoinedTransformer(_Transformer):
         return [[column[i] for column in columns] for i in range(L)]
 
     def modulated_norm(self, x: str, gain: str, shift: str, label: str) -> str:
-        if label == "out.norm":
-            return super().modulated_norm(x, gain, shift, label)
         o = self.graph
         scaled = o.mul(self.rms_norm(x, self.ones(self.g.width), f"{label}.unit"), gain, f"{label}.scaled")
         return o.cast(o.add(scaled, shift, f"{label}.shifted"), o.precision)

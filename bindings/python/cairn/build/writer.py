@@ -23,7 +23,7 @@ from .manifest import MANIFEST_FILE, MANIFEST_LIMIT, Licence, check_texts, manif
 from .quantise import Quantisation
 from .reader import GRAPH_KINDS, JOINED, checked_name
 from .sizes import value_sizes
-from .transformer import INTERMEDIATE_LIMIT, build_joined, build_transformer
+from .transformer import INTERMEDIATE_LIMIT, build_transformer
 from .weights import (
     ALIGNMENT,
     AUTOENCODER_FILE,
@@ -70,7 +70,7 @@ def _written_graphs(g: Geometry, precision: str, fourier_rounding: str, quantisa
     """The graphs of `build_graphs`, and the joined one if the bundle has it."""
     graphs = build_graphs(g, precision, fourier_rounding, quantisation)
     if g.joined:
-        graphs[JOINED] = build_joined(g, precision, layouts(g, quantisation)[0], fourier_rounding, quantisation)
+        graphs[JOINED] = build_transformer(g, precision, layouts(g, quantisation)[0], fourier_rounding, quantisation, joined=True)
     return graphs
 
 
