@@ -271,19 +271,9 @@ impl Device {
         self.backend.threads()
     }
 
+    /// Makes the session of a graph. It uses the weights of `shared`, a graph of this device, if both have the same ones and the device can share
+    /// them.
     pub(crate) fn graph(
-        &self,
-        what: &str,
-        model: &ModelSource<'_>,
-        dimensions: &[(&str, usize)],
-        inputs: Vec<TensorSpec>,
-        outputs: Vec<TensorSpec>,
-    ) -> Result<Arc<Graph>> {
-        self.backend.graph(what, model, dimensions, inputs, outputs, None)
-    }
-
-    /// As [`graph`](Self::graph), with the weights of `shared`, a graph of this device, if both have the same ones and the device can share them.
-    pub(crate) fn graph_sharing(
         &self,
         what: &str,
         model: &ModelSource<'_>,

@@ -106,7 +106,7 @@ impl Reference {
         let source = ModelSource { onnx: &with_peaks.onnx, external };
         let dimensions = graph_spec::dimensions(&shapes, 1);
         let GraphSpec { inputs, outputs } = spec.clone();
-        let graph = device.graph("transformer in f32", &source, &dimensions, inputs, outputs)?;
+        let graph = device.graph("transformer in f32", &source, &dimensions, inputs, outputs, None)?;
         let transformer = Transformer::whole(graph, spec);
         let latent = Latent::make(device, &transformer, manifest, &shapes, Precision::F32, None)?;
         if !latent.x.iter().chain(latent.states.iter().flatten()).all(|v| v.is_finite()) {

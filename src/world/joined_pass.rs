@@ -3,24 +3,19 @@
 use super::convert::{self, Uploader};
 use super::graph_spec::{JOINED_LATENTS, Shapes};
 use super::kv_cache::KvCache;
+use super::pass_inputs::PassInputs;
 use super::passes::HIDDEN;
 use super::plan::{PendingPlan, RingPlan, StepPlan};
 use super::rope::RopeTable;
 use super::transformer::{PassBinding, Transformer};
 use crate::Result;
 use crate::bundle::Precision;
-use crate::runtime::{BufferId, ExecutionContext, element_size};
+use crate::runtime::{BufferId, ExecutionContext};
 
 /// Inputs of the joined graph, and its bindings. In each input the finished latent comes first.
 pub(super) struct JoinedPass {
     shapes: Shapes,
-    sigma: BufferId,
-    dsigma: BufferId,
-    rope_cos: BufferId,
-    rope_sin: BufferId,
-    controls: BufferId,
-    local_mask: BufferId,
-    global_mask: BufferId,
+    inputs: PassInputs,
     /// `bindings[i]` reads `x[i]` and writes the other, as those of the single passes.
     bindings: [PassBinding; 2],
     uploader: Uploader,
@@ -40,31 +35,19 @@ impl JoinedPass {
         x: [BufferId; 2],
         finished: BufferId,
     ) -> Result<Self> {
-        let (element, f32_size) = (element_size(precision), element_size(Precision::F32));
         let mask_len = |global| JOINED_LATENTS * shapes.keys_with(global, JOINED_LATENTS);
         let (angles, control_len) = (JOINED_LATENTS * shapes.rope_len(), JOINED_LATENTS * shapes.controls);
-        let mut buffer = |len: usize, size| context.buffer(len * size);
-        let (sigma, dsigma) = (buffer(JOINED_LATENTS, f32_size)?, buffer(1, f32_size)?);
-        let (rope_cos, rope_sin) = (buffer(angles, f32_size)?, buffer(angles, f32_size)?);
-        let controls = buffer(control_len, f32_size)?;
-        let (local_mask, global_mask) = (buffer(mask_len(false), element)?, buffer(mask_len(true), element)?);
+        let inputs = PassInputs::new(context, &shapes, precision, JOINED_LATENTS)?;
         let intermediates = joined.intermediate_buffers(context)?;
         let mut bind = |x: BufferId, x_next: BufferId| {
-            let inputs = [x, finished, sigma, dsigma, rope_cos, rope_sin, controls, local_mask, global_mask];
-            let tensors: Vec<_> =
-                inputs.into_iter().chain(kv.rings()).chain([x_next]).chain(kv.finished_slabs()).collect();
+            let inputs = [x, finished].into_iter().chain(inputs.in_order());
+            let tensors: Vec<_> = inputs.chain(kv.rings()).chain([x_next]).chain(kv.finished_slabs()).collect();
             joined.bind(context, &tensors, &intermediates)
         };
         let bindings = [bind(x[0], x[1])?, bind(x[1], x[0])?];
         Ok(Self {
             shapes,
-            sigma,
-            dsigma,
-            rope_cos,
-            rope_sin,
-            controls,
-            local_mask,
-            global_mask,
+            inputs,
             bindings,
             uploader: Uploader::new(precision, mask_len(false).max(mask_len(true)))?,
             rope: [convert::zeroed(angles)?, convert::zeroed(angles)?],
@@ -81,25 +64,25 @@ impl JoinedPass {
         plan: &StepPlan,
         pending: &PendingPlan,
     ) -> Result<()> {
-        // An append has no noise level: what the pass makes of its latent is not used.
+        // An append has no noise level; the pass's result for its latent is ignored.
         let first = |levels: &[f32]| levels.first().copied().unwrap_or(0.0);
-        context.upload(self.sigma, 0, bytemuck::cast_slice(&[0.0, first(&plan.sigmas)]))?;
-        context.upload(self.dsigma, 0, bytemuck::cast_slice(&[first(&plan.dsigmas)]))?;
+        context.upload(self.inputs.sigma, 0, bytemuck::cast_slice(&[0.0, first(&plan.sigmas)]))?;
+        context.upload(self.inputs.dsigma, 0, bytemuck::cast_slice(&[first(&plan.dsigmas)]))?;
         let [cosines, sines] = &mut self.rope;
         let half = self.shapes.rope_len();
         for (time, at) in [(pending.rope_time, 0), (plan.rope_time, half)] {
             rope.fill(time, &mut cosines[at..][..half], &mut sines[at..][..half])?;
         }
-        context.upload(self.rope_cos, 0, bytemuck::cast_slice(cosines))?;
-        context.upload(self.rope_sin, 0, bytemuck::cast_slice(sines))?;
+        context.upload(self.inputs.rope_cos, 0, bytemuck::cast_slice(cosines))?;
+        context.upload(self.inputs.rope_sin, 0, bytemuck::cast_slice(sines))?;
         let (finished, next) = self.controls_of_both.split_at_mut(self.shapes.controls);
         finished.copy_from_slice(&pending.controls);
         next.copy_from_slice(&plan.controls);
-        context.upload(self.controls, 0, bytemuck::cast_slice(&self.controls_of_both))?;
+        context.upload(self.inputs.controls, 0, bytemuck::cast_slice(&self.controls_of_both))?;
         let [local, global] = &mut self.masks;
         for (mask, buffer, pending, ring) in [
-            (local, self.local_mask, &pending.local, &plan.local),
-            (global, self.global_mask, &pending.global, &plan.global),
+            (local, self.inputs.local_mask, &pending.local, &plan.local),
+            (global, self.inputs.global_mask, &pending.global, &plan.global),
         ] {
             fill_masks(mask, pending, ring, self.shapes.tokens);
             self.uploader.upload(context, buffer, mask)?;

@@ -19,6 +19,7 @@ mod latent_budget;
 mod missing_operator;
 mod noise;
 mod operating_point;
+mod pass_inputs;
 mod passes;
 mod plan;
 mod preset;

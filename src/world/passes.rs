@@ -4,6 +4,7 @@ use super::convert::{self, Uploader};
 use super::graph_spec::Shapes;
 use super::joined_pass::JoinedPass;
 use super::kv_cache::KvCache;
+use super::pass_inputs::PassInputs;
 use super::plan::{PendingPlan, RingPlan, StepPlan};
 use super::rope::RopeTable;
 use super::schedule::MAX_POINTS;
@@ -28,13 +29,7 @@ pub(super) struct Passes {
     precision: Precision,
     rope: RopeTable,
     x: [BufferId; 2],
-    sigma: BufferId,
-    dsigma: BufferId,
-    rope_cos: BufferId,
-    rope_sin: BufferId,
-    controls: BufferId,
-    local_mask: BufferId,
-    global_mask: BufferId,
+    inputs: PassInputs,
     /// All sigmas of a latent step, a [`ROW`] for each pass; each pass copies its row on the device.
     table: BufferId,
     /// `bindings[i]` reads `x[i]` and writes the other.
@@ -63,21 +58,16 @@ impl Passes {
         finished: BufferId,
     ) -> Result<Self> {
         let (shapes, precision) = (world.shapes, world.precision());
-        let (element, f32_size) = (element_size(precision), element_size(Precision::F32));
+        let element = element_size(precision);
         let rope = RopeTable::new(&world.manifest().geometry)?;
         assert_eq!(rope.len(), shapes.rope_len(), "rope angles are [T, head_width / 2]");
-        let mut buffer = |len: usize, size| context.buffer(len * size);
-        let x = [buffer(shapes.latent_len(), element)?, buffer(shapes.latent_len(), element)?];
-        let (sigma, dsigma) = (buffer(1, f32_size)?, buffer(1, f32_size)?);
-        let (rope_cos, rope_sin) = (buffer(rope.len(), f32_size)?, buffer(rope.len(), f32_size)?);
-        let controls = buffer(shapes.controls, f32_size)?;
-        let (local_mask, global_mask) =
-            (buffer(shapes.attended_keys(false), element)?, buffer(shapes.attended_keys(true), element)?);
-        let table = buffer(MAX_POINTS, ROW)?;
+        let x = [context.buffer(shapes.latent_len() * element)?, context.buffer(shapes.latent_len() * element)?];
+        let inputs = PassInputs::new(context, &shapes, precision, 1)?;
+        let table = context.buffer(MAX_POINTS * ROW)?;
         let intermediates = world.transformer.intermediate_buffers(context)?;
         let mut bind = |x: BufferId, x_next: BufferId| {
-            let inputs = [x, sigma, dsigma, rope_cos, rope_sin, controls, local_mask, global_mask];
-            let tensors: Vec<_> = inputs.into_iter().chain(kv.rings()).chain([x_next]).chain(kv.slabs()).collect();
+            let inputs = [x].into_iter().chain(inputs.in_order());
+            let tensors: Vec<_> = inputs.chain(kv.rings()).chain([x_next]).chain(kv.slabs()).collect();
             world.transformer.bind(context, &tensors, &intermediates)
         };
         let bindings = [bind(x[0], x[1])?, bind(x[1], x[0])?];
@@ -100,13 +90,7 @@ impl Passes {
             precision,
             rope,
             x,
-            sigma,
-            dsigma,
-            rope_cos,
-            rope_sin,
-            controls,
-            local_mask,
-            global_mask,
+            inputs,
             table,
             bindings,
             joined,
@@ -134,13 +118,14 @@ impl Passes {
     ) -> Result<()> {
         let s = &mut self.staging;
         self.rope.fill(plan.rope_time, &mut s.rope_cos, &mut s.rope_sin)?;
-        context.upload(self.rope_cos, 0, bytemuck::cast_slice(&s.rope_cos))?;
-        context.upload(self.rope_sin, 0, bytemuck::cast_slice(&s.rope_sin))?;
+        context.upload(self.inputs.rope_cos, 0, bytemuck::cast_slice(&s.rope_cos))?;
+        context.upload(self.inputs.rope_sin, 0, bytemuck::cast_slice(&s.rope_sin))?;
         assert_eq!(plan.controls.len(), self.shapes.controls, "controls are [mouse + buttons + scroll]");
-        context.upload(self.controls, 0, bytemuck::cast_slice(&plan.controls))?;
-        for (mask, buffer, ring) in
-            [(&mut s.local_mask, self.local_mask, &plan.local), (&mut s.global_mask, self.global_mask, &plan.global)]
-        {
+        context.upload(self.inputs.controls, 0, bytemuck::cast_slice(&plan.controls))?;
+        for (mask, buffer, ring) in [
+            (&mut s.local_mask, self.inputs.local_mask, &plan.local),
+            (&mut s.global_mask, self.inputs.global_mask, &plan.global),
+        ] {
             fill_mask(mask, ring, self.shapes.tokens);
             self.uploader.upload(context, buffer, mask)?;
         }
@@ -184,7 +169,7 @@ impl Passes {
     }
 
     fn run(&self, context: &mut dyn ExecutionContext, row: usize, from: usize) -> Result<()> {
-        for (buffer, offset) in [(self.sigma, 0), (self.dsigma, ROW / 2)] {
+        for (buffer, offset) in [(self.inputs.sigma, 0), (self.inputs.dsigma, ROW / 2)] {
             context.copy(buffer, self.table, &[Region { to: 0, from: row * ROW + offset, len: ROW / 2 }])?;
         }
         self.bindings[from].run(context)

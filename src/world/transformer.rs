@@ -82,7 +82,7 @@ impl TransformerSource<'_> {
         if slices == 1 {
             proceed()?;
             let GraphSpec { inputs, outputs } = spec.clone();
-            let graph = self.device.graph("transformer", &source, &dimensions, inputs, outputs)?;
+            let graph = self.device.graph("transformer", &source, &dimensions, inputs, outputs, None)?;
             return Ok(Transformer::whole(graph, spec));
         }
         let Slices { models, intermediates, buffer_sizes } =
@@ -107,7 +107,7 @@ impl TransformerSource<'_> {
             let slice = ModelSource { onnx: &model.onnx, external: source.external.clone() };
             let specs = |tensors: &[SliceTensor]| tensors.iter().map(spec_of).collect();
             let (inputs, outputs) = (specs(&model.inputs), specs(&model.outputs));
-            let graph = self.device.graph(&what, &slice, &dimensions, inputs, outputs)?;
+            let graph = self.device.graph(&what, &slice, &dimensions, inputs, outputs, None)?;
             Ok(Slice { graph, tensors: model.inputs.iter().chain(&model.outputs).map(position).collect() })
         };
         let slices = models.iter().enumerate().map(make).collect::<Result<_>>()?;
@@ -124,7 +124,7 @@ impl TransformerSource<'_> {
         let dimensions = graph_spec::dimensions(self.shapes, graph_spec::JOINED_LATENTS);
         let GraphSpec { inputs, outputs } = spec.clone();
         let shared = transformer.slices.first().map(|slice| &slice.graph);
-        let graph = self.device.graph_sharing("joined pass", &source, &dimensions, inputs, outputs, shared)?;
+        let graph = self.device.graph("joined pass", &source, &dimensions, inputs, outputs, shared)?;
         Ok(Transformer::whole(graph, spec))
     }
 

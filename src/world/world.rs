@@ -119,12 +119,13 @@ impl World {
                 .remedy("Load it without a limit on submissions and in one slice, or without joined passes"));
         }
         let processor = if device.is_gpu() { Processor::Gpu } else { Processor::Cpu };
-        // `is_loaded`: as rollouts use it, and not only to compare with.
-        let fits_in = |precision, g: u32, slices: u32, is_loaded: bool| {
-            // Of an f32 graph no weight is a session's input: it casts all of them.
-            let shared_weights = device.kind() == DeviceKind::Direct3d12 && precision == Precision::F16;
-            let is_joined = options.joined && is_loaded;
-            let passes = if is_joined { Passes::Joined { shared_weights } } else { Passes::Slices(slices) };
+        // Of an f32 graph no weight is a session's input: it casts all of them.
+        let shared_weights = device.kind() == DeviceKind::Direct3d12 && precision == Precision::F16;
+        let passes_in = |slices| match options.joined {
+            true => Passes::Joined { shared_weights },
+            false => Passes::Slices(slices),
+        };
+        let fits_in = |precision, g: u32, passes: Passes| {
             let need = bundle.memory_need_in(precision, processor, g, passes)?;
             // Available memory already excludes the loaded bundle.
             let limit = options.memory_limit.or_else(|| Some(available_memory()?.saturating_add(need.bundle)));
@@ -132,7 +133,7 @@ impl World {
             device.available_memory().map_or(Ok(()), |available| need.check_fits_on_device(available))?;
             Ok(need)
         };
-        let fits = |g: u32| fits_in(precision, g, options.slices.unwrap_or(1), true);
+        let fits = |g: u32| fits_in(precision, g, passes_in(options.slices.unwrap_or(1)));
         let (global_window, mut need) = match options.fit_window {
             true => widest(global_window, geometry.global.dilation, fits)?,
             false => (global_window, fits(global_window)?),
@@ -147,7 +148,7 @@ impl World {
         let explain = |error| missing_operator::explain(error, manifest, &device.describe());
         let reference = match is_checked {
             true => {
-                fits_in(Precision::F32, geometry.global.dilation, 1, false).map_err(|error| {
+                fits_in(Precision::F32, geometry.global.dilation, Passes::Whole).map_err(|error| {
                     let remedy =
                         "Free memory, or load it without the check, which holds the f32 transformer for a while";
                     error.field("check_precision").remedy(remedy)
@@ -159,13 +160,13 @@ impl World {
         };
         let graph = |kind, what, spec: GraphSpec| {
             proceed()?;
-            let made = device.graph(what, &bundle.model(kind, precision)?, &[], spec.inputs, spec.outputs);
+            let made = device.graph(what, &bundle.model(kind, precision)?, &[], spec.inputs, spec.outputs, None);
             made.map_err(explain)
         };
         let source = TransformerSource { device, bundle, precision, shapes: &shapes, global_window };
         let (transformer, longest_slice) = match (options.slices, options.longest_submission) {
             (None, Some(limit)) => {
-                let fits = |slices| fits_in(precision, global_window, slices, true).is_ok();
+                let fits = |slices| fits_in(precision, global_window, passes_in(slices)).is_ok();
                 let counted = Cell::new(1);
                 let proceed = |slices: u32| {
                     // Sessions of the transformer in fewer slices were made as well.
@@ -175,7 +176,7 @@ impl World {
                     proceed()
                 };
                 let (transformer, longest) = source.load_within(limit, &fits, &proceed).map_err(explain)?;
-                need = fits_in(precision, global_window, transformer.slices(), true)?;
+                need = fits_in(precision, global_window, passes_in(transformer.slices()))?;
                 (transformer, Some(longest))
             }
             (slices, _) => (source.load(slices.unwrap_or(1), &proceed).map_err(explain)?, None),
