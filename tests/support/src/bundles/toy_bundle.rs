@@ -166,9 +166,21 @@ fn symbolic(name: &str, f: i64, dims: [&str; 4]) -> Value {
     }
 }
 
+/// A model with these inputs and those and the outputs of two layers, of which the second is global: (1 - -1) mod 2 is 0.
+fn with_layers(f: i64, mut inputs: Vec<Value>) -> Model {
+    let mut outputs = vec![value("x_next", f, &[1, 1, 2, 2])];
+    for (i, past) in [(0, "local_past"), (1, "global_past")] {
+        for half in ["k", "v"] {
+            inputs.push(symbolic(&format!("past.{i}.{half}"), f, ["1", "1", past, "8"]));
+            outputs.push(value(&format!("present.{i}.{half}"), f, &[1, 1, 1, 8]));
+        }
+    }
+    model(inputs, outputs)
+}
+
 /// Two tokens, of the finished latent and of the next one.
 fn joined(f: i64) -> Model {
-    let mut inputs = vec![
+    let inputs = vec![
         value("x", f, &[1, 1, 2, 2]),
         value("finished", f, &[1, 1, 2, 2]),
         value("sigma", F32, &[2]),
@@ -179,14 +191,7 @@ fn joined(f: i64) -> Model {
         symbolic("local_mask", f, ["1", "2", "1", "local_keys"]),
         symbolic("global_mask", f, ["1", "2", "1", "global_keys"]),
     ];
-    let mut outputs = vec![value("x_next", f, &[1, 1, 2, 2])];
-    for (i, past) in [(0, "local_past"), (1, "global_past")] {
-        for half in ["k", "v"] {
-            inputs.push(symbolic(&format!("past.{i}.{half}"), f, ["1", "1", past, "8"]));
-            outputs.push(value(&format!("present.{i}.{half}"), f, &[1, 1, 1, 8]));
-        }
-    }
-    let mut m = model(inputs, outputs);
+    let mut m = with_layers(f, inputs);
     for (name, numbers) in [
         ("rows.shape", &[1, 1, 2, -1][..]),
         ("latents.shape", &[1, 2, 1, -1]),
@@ -228,7 +233,7 @@ fn joined(f: i64) -> Model {
 }
 
 fn transformer(f: i64) -> Model {
-    let mut inputs = vec![
+    let inputs = vec![
         value("x", f, &[1, 1, 2, 2]),
         value("sigma", F32, &[1]),
         value("dsigma", F32, &[1]),
@@ -238,15 +243,7 @@ fn transformer(f: i64) -> Model {
         symbolic("local_mask", f, ["1", "1", "1", "local_keys"]),
         symbolic("global_mask", f, ["1", "1", "1", "global_keys"]),
     ];
-    let mut outputs = vec![value("x_next", f, &[1, 1, 2, 2])];
-    // Layer 1 is global: (1 - -1) mod 2 is 0.
-    for (i, past) in [(0, "local_past"), (1, "global_past")] {
-        for half in ["k", "v"] {
-            inputs.push(symbolic(&format!("past.{i}.{half}"), f, ["1", "1", past, "8"]));
-            outputs.push(value(&format!("present.{i}.{half}"), f, &[1, 1, 1, 8]));
-        }
-    }
-    let mut m = model(inputs, outputs);
+    let mut m = with_layers(f, inputs);
     m.tensors.push(inside_ints("row.shape", &[1, 1, 1, -1]));
     m.tensors.push(inside_ints("latent.shape", &[1, 1, 2, 2]));
     for (i, name) in ["q", "k", "v"].into_iter().enumerate() {
