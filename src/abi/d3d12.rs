@@ -533,7 +533,7 @@ pub unsafe extern "C" fn cairn_presenter_submit_d3d12(
 pub unsafe extern "C" fn cairn_presenter_release_d3d12(presenter: *mut cairn_presenter) -> cairn_result {
     call("cairn_presenter_release_d3d12", || {
         let object = enter_exclusive(presenter)?;
-        // In a callback of a preparation, which holds what the release waits for.
+        // The call is made in a callback of a preparation, whose lock the release would wait for.
         if object.is_nested() {
             return Err(in_use());
         }

@@ -105,7 +105,7 @@ impl KvCache {
         Ok(made)
     }
 
-    /// Restores what the ring slots had before `made`.
+    /// Copies the backup back into the ring slots that `made` has overwritten.
     pub(super) fn undo(context: &mut dyn ExecutionContext, made: &MadeCommit) -> Result<()> {
         made.with(|slot| slot.undo, |copies| context.undo_copies(copies))
     }

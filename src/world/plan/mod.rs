@@ -47,7 +47,7 @@ pub struct PendingPlan {
     pub rope_time: u64,
     /// Its `controls` input.
     pub controls: Vec<f32>,
-    /// Local layers: what the finished latent sees, and the slot that it is committed to before the step's second pass.
+    /// Local layers: the slots that are visible to the finished latent, and the one it is committed to, before the step's second pass.
     pub local: RingPlan,
     /// Global layers.
     pub global: RingPlan,

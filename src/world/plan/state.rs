@@ -75,7 +75,7 @@ impl Planner {
             return Err(invalid("bytes follow the end of the state"));
         }
         let appended = clocks.latents.checked_sub(clocks.generated);
-        // With what is pending.
+        // A pending commit counts, too.
         let commits = clocks.commits.checked_add(u64::from(pending.is_some()));
         let contradicts = |appended| commits.is_none_or(|commits| commits < appended || commits > clocks.latents);
         if appended.is_none_or(contradicts) {

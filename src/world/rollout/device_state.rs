@@ -178,7 +178,7 @@ impl DeviceState {
             Ok(()) => measured.ring_bytes += copied / 2,
             Err(_) => {
                 if let Err(why) = KvCache::undo(&mut *self.context, &made) {
-                    log::warn!("what a failed step has changed is restored before the next: {why}");
+                    log::warn!("the ring could not be restored after a failed step; the next step tries again: {why}");
                     self.not_undone = Some(made);
                 }
             }
@@ -195,7 +195,7 @@ impl DeviceState {
         Ok(())
     }
 
-    /// Fails while the ring has what a failed step has put there.
+    /// Fails while the ring holds keys and values of a failed step.
     pub(super) fn check_restored(&self) -> Result<()> {
         match self.not_undone {
             None => Ok(()),
