@@ -213,6 +213,30 @@ fn the_widest_window_that_the_memory_allows_is_used() {
 }
 
 #[test]
+fn a_window_whose_slices_are_too_long_is_used_only_where_no_other_is() {
+    let device = device();
+    let limited = |window, limit| {
+        let options = WorldOptions {
+            precision: Some(Precision::F32),
+            global_window: Some(window),
+            longest_submission: Some(limit),
+            ..WorldOptions::default()
+        };
+        World::load(&device, &bundle("tiny"), options).expect("a world")
+    };
+    // No slice of any number takes a nanosecond.
+    let [wide, narrow] = [limited(WIDE, Duration::from_nanos(1)), limited(NARROW, HOUR)];
+    let budget = Budget { frame: Some(HOUR), multiplier: 1, ..Budget::default() };
+    let mut rollout = seeded(&wide, &point(&wide), 7);
+    let governor = rollout.govern(&budget, std::slice::from_ref(&narrow)).expect("a budget");
+    assert_eq!(passes_and_windows(&mut rollout, 5), [(4, NARROW); 5]);
+    assert_eq!(governor.statistics().window, NARROW);
+    let mut rollout = seeded(&wide, &point(&wide), 7);
+    rollout.govern(&budget, &[limited(NARROW, Duration::from_nanos(1))]).expect("a budget");
+    assert_eq!(passes_and_windows(&mut rollout, 2), [(4, WIDE); 2], "none keeps to the limit");
+}
+
+#[test]
 fn invalid_budgets_are_refused() {
     let device = device();
     let wide = world_on(&device, WIDE);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::boundary::call;
-use super::handles::{enter, enter_exclusive};
+use super::handles::{enter, enter_serialized};
 use super::presenter::cairn_presenter;
 use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
 use super::rollout::{cairn_rollout, read_schedules};
@@ -32,7 +32,8 @@ pub struct cairn_budget {
     /// Schedules as in operating points, separated by spaces, at most 8, each with fewer passes than the one before: "stock
     /// explicit:1:0.5:0"; null for the rollout's own only.
     pub schedules: *const c_char,
-    /// Further worlds of the same bundle, loaded with other global windows, to which the rollout may move. May be null: the window then does
+    /// Further worlds of the same bundle, loaded with other global windows, to which the rollout may move. A window with a slice that was longer than
+    /// longest_submission_us when its world was loaded is used only if no other fits the memory. May be null: the window then does
     /// not change.
     pub worlds: *const *const cairn_world,
     /// Number of worlds, at most CAIRN_MAX_BUDGET_WORLDS.
@@ -70,7 +71,7 @@ pub unsafe extern "C" fn cairn_rollout_govern(
     budget: *const cairn_budget,
 ) -> cairn_result {
     call("cairn_rollout_govern", || {
-        let running = enter_exclusive(rollout)?;
+        let running = enter_serialized(rollout)?;
         if budget.is_null() {
             running.ungovern()?;
             return Ok(CAIRN_OK);

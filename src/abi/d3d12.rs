@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::anchor::{cairn_anchor, check_index};
 use super::boundary::call;
 use super::device::{DeviceOptions, cairn_device, cairn_device_options};
-use super::handles::{enter, enter_exclusive, in_use, insert};
+use super::handles::{busy_in_callback, enter, enter_serialized, insert};
 use super::presenter::{cairn_frame, cairn_presenter, to_c_frame};
 use super::results::{CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result};
 use super::rollout::{cairn_rollout, cairn_step_info, step_info};
@@ -197,13 +197,13 @@ pub unsafe extern "C" fn cairn_rollout_append_d3d12(
     info: *mut cairn_step_info,
 ) -> cairn_result {
     call("cairn_rollout_append_d3d12", || {
-        let running = enter_exclusive(rollout)?;
+        let running = enter_serialized(rollout)?;
         check_not_null(picture, "picture")?;
         // SAFETY: the host's promise about `info`.
         let info = unsafe { Out::optional(info, "info") }?;
         let device = running.lock_between_steps(running.is_nested())?.rollout.world().device().clone();
         // SAFETY: the host's promise about its objects.
-        let picture = unsafe { backend::read(&device, picture.cast(), state) }?;
+        let picture = unsafe { backend::read_texture(&device, picture.cast(), state) }?;
         let made = running.run(&Job::Append(vec![picture]))?;
         info.into_iter().for_each(|info| info.write(&step_info(&made)));
         Ok(CAIRN_OK)
@@ -337,7 +337,7 @@ pub unsafe extern "C" fn cairn_presenter_prepare_d3d12(
         let object = enter(presenter)?;
         if object.is_nested() {
             // Replacing the preparation would wait for the frame that made this callback.
-            return Err(in_use());
+            return Err(busy_in_callback());
         }
         let device = enter(device)?;
         // SAFETY: the host's promise about `preparation`.
@@ -442,7 +442,7 @@ pub unsafe extern "C" fn cairn_presenter_record_d3d12(
     frame: *mut cairn_frame,
 ) -> cairn_result {
     call("cairn_presenter_record_d3d12", || {
-        let object = enter_exclusive(presenter)?;
+        let object = enter_serialized(presenter)?;
         let device = enter(device)?;
         // SAFETY: the host's promise about `recording`.
         let recording = unsafe { read(recording, "recording") }?;
@@ -500,7 +500,7 @@ pub unsafe extern "C" fn cairn_presenter_submit_d3d12(
     value: *mut u64,
 ) -> cairn_result {
     call("cairn_presenter_submit_d3d12", || {
-        let object = enter_exclusive(presenter)?;
+        let object = enter_serialized(presenter)?;
         let device = enter(device)?;
         check_not_null(target, "target")?;
         check_out(fence, "fence")?;
@@ -532,10 +532,10 @@ pub unsafe extern "C" fn cairn_presenter_submit_d3d12(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_presenter_release_d3d12(presenter: *mut cairn_presenter) -> cairn_result {
     call("cairn_presenter_release_d3d12", || {
-        let object = enter_exclusive(presenter)?;
+        let object = enter_serialized(presenter)?;
         // The call is made in a callback of a preparation, whose lock the release would wait for.
         if object.is_nested() {
-            return Err(in_use());
+            return Err(busy_in_callback());
         }
         backend::release(&object.renderer)?;
         Ok(CAIRN_OK)

@@ -121,7 +121,7 @@ pub unsafe extern "C" fn cairn_adapters(
             memory: adapter.memory,
             name: fixed_text(&adapter.name),
         });
-        let rows: Vec<_> = std::iter::once(processor).chain(backend::list()).chain(by_webgpu).collect();
+        let rows: Vec<_> = std::iter::once(processor).chain(backend::adapters()).chain(by_webgpu).collect();
         // SAFETY: the host's promise about the array and the count.
         unsafe { write_array(&rows, adapters, "adapters", stride, capacity, count) }?;
         Ok(CAIRN_OK)

@@ -25,6 +25,7 @@ mod texture;
 mod timestamps;
 mod uploads;
 
+pub use crate::runtime::GpuTimeStatistics;
 pub use adapter::{Adapter, adapters};
 pub(crate) use budget_changes::BudgetChanges;
 pub(crate) use buffers::{Heap, MappedBuffer, buffer};
@@ -43,7 +44,6 @@ pub use target::Target;
 pub(crate) use target::check_list;
 pub(crate) use texture::{picture_texture, read_buffer, writable_texture};
 pub use texture::{read_texture, texture_from_picture};
-pub use timestamps::GpuTimeStatistics;
 pub(crate) use timestamps::TimestampPairs;
 pub use uploads::{PendingUpload, Uploads};
 /// The crate whose Direct3D types this interface uses.

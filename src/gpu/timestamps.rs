@@ -7,25 +7,12 @@ use windows::Win32::Graphics::Direct3D12::*;
 use super::{Gpu, Heap, MappedBuffer, Queue, failed_on};
 use crate::Result;
 use crate::object_count::count_object;
-
-/// GPU time of frames or of a world's passes, each from its first to its last command. Work that the GPU runs at the same time is
-/// included.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct GpuTimeStatistics {
-    /// Frames or passes measured.
-    pub frames: u64,
-    /// Sum of their times.
-    pub total: Duration,
-    /// The longest time.
-    pub longest: Duration,
-    /// The latest time.
-    pub last: Duration,
-}
+use crate::runtime::GpuTimeStatistics;
 
 impl GpuTimeStatistics {
     /// Adds one measurement.
     pub(crate) fn add(&mut self, took: Duration) {
-        self.frames += 1;
+        self.count += 1;
         self.total = self.total.saturating_add(took);
         self.longest = self.longest.max(took);
         self.last = took;
@@ -34,10 +21,10 @@ impl GpuTimeStatistics {
     /// The statistics of both; `later` has the later measurements.
     pub(crate) fn merge(self, later: Self) -> Self {
         Self {
-            frames: self.frames + later.frames,
+            count: self.count + later.count,
             total: self.total.saturating_add(later.total),
             longest: self.longest.max(later.longest),
-            last: if later.frames > 0 { later.last } else { self.last },
+            last: if later.count > 0 { later.last } else { self.last },
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::latent_time::{LatentCost, LatentTime};
 use super::schedule::{Schedule, pass_counts};
 use crate::bundle::Sampler;
 use crate::{Error, ErrorKind, Result};
@@ -27,15 +28,15 @@ impl LatentBudget {
     }
 
     /// Records the time of a latent. Returns the new schedule and the mean time of the last latents if the schedule changes.
-    pub(super) fn record_latent(&mut self, time: Duration) -> Option<(&Schedule, Duration)> {
+    pub(super) fn record_latent(&mut self, time: LatentTime) -> Option<(&Schedule, Duration)> {
         let (schedule, mean) = self.controller.record_latent(time)?;
         Some((&self.schedules[schedule], mean))
     }
 }
 
-/// Chooses the number of passes of latents. A latent's cost is assumed to be proportional to its passes + 1, where the 1 stands for
-/// all work that does not depend on their number. This may underestimate fewer passes, which the next measurement corrects, and
-/// overestimates more passes, so that these stay within the budget.
+/// Chooses the number of passes of latents, by the measured time of a pass and of all other work. On a graphics device the wall times of the two are
+/// not known; all other work then counts as one pass. This may underestimate fewer passes, which the next measurement corrects, and overestimates
+/// more passes, so that these stay within the budget.
 #[derive(Debug, Clone)]
 struct PassController {
     budget: Duration,
@@ -45,25 +46,27 @@ struct PassController {
     schedule: usize,
     /// Latents of the measurement in progress, and the sum of their times.
     latents: u32,
-    time: Duration,
+    time: LatentTime,
 }
 
 impl PassController {
     fn new(budget: Duration, passes: Vec<u32>) -> Self {
-        Self { budget, passes, schedule: 0, latents: 0, time: Duration::ZERO }
+        Self { budget, passes, schedule: 0, latents: 0, time: LatentTime::default() }
     }
 
     /// Records the time of a latent. Returns the index of the new schedule and the mean time of the last latents if the schedule
     /// changes.
-    fn record_latent(&mut self, time: Duration) -> Option<(usize, Duration)> {
+    fn record_latent(&mut self, time: LatentTime) -> Option<(usize, Duration)> {
         self.latents += 1;
-        self.time = self.time.saturating_add(time);
+        self.time.add(time);
         if self.latents < LATENTS {
             return None;
         }
-        let mean = self.time / self.latents;
-        (self.latents, self.time) = (0, Duration::ZERO);
-        let expected = |i: usize| mean.saturating_mul(self.passes[i] + 1) / (self.passes[self.schedule] + 1);
+        let mean = self.time.total / self.latents;
+        let cost = LatentCost::of(self.time, self.latents, self.passes[self.schedule]);
+        (self.latents, self.time) = (0, LatentTime::default());
+        let expected =
+            |i: usize| Duration::try_from_secs_f64(cost.seconds(self.passes[i], 1.0)).unwrap_or(Duration::MAX);
         let last = self.passes.len() - 1;
         let schedule = if mean > self.budget {
             // At least the next schedule, even if none is expected to fit.
@@ -84,7 +87,10 @@ mod tests {
     /// Simulates latents on a device that takes `pass` for each pass and `rest` for all other work; returns how often the schedule
     /// changed.
     fn run(controller: &mut PassController, latents: u32, pass: Duration, rest: Duration) -> u32 {
-        let time = |controller: &PassController| pass * controller.passes[controller.schedule] + rest;
+        let time = |controller: &PassController| {
+            let passes = controller.passes[controller.schedule];
+            LatentTime::undivided(pass * passes + rest, passes)
+        };
         (0..latents).filter(|_| controller.record_latent(time(controller)).is_some()).count() as u32
     }
 
@@ -99,6 +105,15 @@ mod tests {
                 "{budget} ms, {changes} changes"
             );
         }
+    }
+
+    #[test]
+    fn a_known_decoder_time_is_not_expected_to_shrink() {
+        // 20 ms of passes and 60 ms of other work: 66 ms need three passes fewer, which the proportional estimate takes for one.
+        let mut controller = PassController::new(66 * MS, vec![4, 3, 1]);
+        let time = LatentTime { total: 80 * MS, passes: 20 * MS, count: 4 };
+        let decision = (0..3).filter_map(|_| controller.record_latent(time)).next();
+        assert_eq!(decision, Some((2, 80 * MS)));
     }
 
     #[test]

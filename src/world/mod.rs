@@ -16,6 +16,7 @@ mod half_precision;
 mod joined_pass;
 mod kv_cache;
 mod latent_budget;
+mod latent_time;
 mod missing_operator;
 mod noise;
 mod operating_point;
@@ -42,6 +43,8 @@ pub use controls::{ControlInput, MAX_MOUSE};
 pub use governor::{Budget, Governor, GovernorStatistics};
 pub use half_precision::{HalfPrecision, MAX_LATENT_ERROR, Peak};
 pub use kv_cache::KvPart;
+#[cfg(test)]
+pub(crate) use latent_time::LatentTime;
 pub use noise::{NoiseKey, fill_noise};
 pub use operating_point::{
     CacheMode, Counts, GuidanceSource, MAX_INTERVAL, MAX_LATENT_RATE, MAX_PRESENTED_RATE, OperatingPoint, Presentation,

@@ -243,6 +243,11 @@ impl World {
         self.longest_submission
     }
 
+    /// Whether each slice was within that limit when the world was loaded; yes if none was measured.
+    pub(super) fn keeps_longest_submission(&self) -> bool {
+        self.longest_slice.zip(self.longest_submission).is_none_or(|(longest, limit)| longest <= limit)
+    }
+
     /// Checks that the memory of one more rollout is available, before it is allocated. `freed` bytes count as available, because the
     /// new rollout replaces one of that size.
     pub(super) fn check_rollout_fits(&self, freed: u64) -> Result<()> {

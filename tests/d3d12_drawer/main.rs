@@ -139,7 +139,7 @@ fn an_engines_motion_is_used_and_detected_cuts_are_counted() {
     let mut expected = None;
     let times = [both.drawer.gpu_time(), both.drawer.gpu_time_of_anchors()];
     // All frames; and one list for each of the six pictures and the five motion fields uploaded, and for each pair of frames.
-    assert_eq!(times.map(|spent| spent.frames), [20, 16], "each has its time: {times:?}");
+    assert_eq!(times.map(|spent| spent.count), [20, 16], "each has its time: {times:?}");
     assert!(times.iter().all(|spent| !spent.total.is_zero() && spent.longest <= spent.total), "{times:?}");
     assert_eq!(both.drawer.in_flight(), 0);
     let shown = both.host.draw(now, size, |picture| expected = Some(picture.clone())).expect("drawn").expect("a frame");

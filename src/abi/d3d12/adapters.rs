@@ -1,7 +1,6 @@
 //! Adapters for Direct3D 12, missing requirements, and pipelines saved by an earlier run.
 
 use super::*;
-use crate::gpu::adapters;
 
 /// Pipelines that the host saved in an earlier run; `None` if it has none or they cannot be loaded.
 pub(super) fn loaded_pipelines(
@@ -32,8 +31,8 @@ pub(super) fn loaded_pipelines(
 }
 
 /// The adapters, in the system's order.
-pub(in crate::abi) fn list() -> Vec<cairn_adapter> {
-    let found = adapters().unwrap_or_else(|e| {
+pub(in crate::abi) fn adapters() -> Vec<cairn_adapter> {
+    let found = crate::gpu::adapters().unwrap_or_else(|e| {
         log::warn!("the adapters of Direct3D 12 cannot be listed: {e}");
         Vec::new()
     });
@@ -61,7 +60,7 @@ pub(in crate::abi) fn requirements(options: DeviceOptions) -> Vec<cairn_requirem
     };
     let found = format!("{}, adapter {:#x}", platform(), gpu.luid());
     let amd = ffx::LoadOptions::of_host(&options.libraries);
-    let tried = running(&gpu, options).map(|(_, ort)| ort);
+    let tried = directml_device(&gpu, options).map(|(_, ort)| ort);
     let mut rows =
         vec![row(CAIRN_REQUIREMENT_PLATFORM, CAIRN_REQUIREMENT_MET, needed, &found), onnxruntime(tried), memory()];
     // A small size: support does not depend on it.

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use crate::present::Selection;
 use crate::present::presenter::FrameInfo;
+use crate::runtime::GpuTimeStatistics;
 
 /// A fence with the value to wait for. One that the backend returns owns a reference to the fence.
 pub(in crate::abi) struct FenceValue {
@@ -86,9 +87,9 @@ pub(in crate::abi) struct FrameStatistics {
     /// Recorded frames whose lists may not have run.
     pub(in crate::abi) lists_pending: u32,
     /// Device times of frames that have run.
-    pub(in crate::abi) frames: DeviceTimes,
+    pub(in crate::abi) frames: GpuTimeStatistics,
     /// Device times of the lists that prepare the frames' inputs.
-    pub(in crate::abi) lists: DeviceTimes,
+    pub(in crate::abi) lists: GpuTimeStatistics,
     /// Generator of the last frame; `None` before the first frame.
     pub(in crate::abi) generator: Option<Selection>,
     /// Upscaler of the last frame; `None` if the CPU made it.
@@ -98,9 +99,9 @@ pub(in crate::abi) struct FrameStatistics {
 /// Statistics of a rollout's passes on a Direct3D 12 device.
 #[derive(Default, Clone, Copy)]
 pub(in crate::abi) struct RolloutStatistics {
-    pub(in crate::abi) passes: DeviceTimes,
-    pub(in crate::abi) decodes: DeviceTimes,
-    pub(in crate::abi) commits: DeviceTimes,
+    pub(in crate::abi) passes: GpuTimeStatistics,
+    pub(in crate::abi) decodes: GpuTimeStatistics,
+    pub(in crate::abi) commits: GpuTimeStatistics,
     /// Wall time inside ONNX Runtime.
     pub(in crate::abi) in_onnxruntime: Duration,
     /// Wall time of waiting for the device.
@@ -111,13 +112,4 @@ pub(in crate::abi) struct RolloutStatistics {
     pub(in crate::abi) captured: usize,
     /// Passes that do not.
     pub(in crate::abi) others: usize,
-}
-
-/// Count and durations of a kind of work on the device.
-#[derive(Default, Clone, Copy)]
-pub(in crate::abi) struct DeviceTimes {
-    pub(in crate::abi) count: u64,
-    pub(in crate::abi) total: Duration,
-    pub(in crate::abi) longest: Duration,
-    pub(in crate::abi) last: Duration,
 }

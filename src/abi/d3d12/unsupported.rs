@@ -45,7 +45,7 @@ pub(in crate::abi) fn rollout_statistics(_: &WorkerStatistics) -> RolloutStatist
 
 /// # Safety
 /// None.
-pub(in crate::abi) unsafe fn read(_: &Device, _: *mut c_void, _: u32) -> Outcome<Picture> {
+pub(in crate::abi) unsafe fn read_texture(_: &Device, _: *mut c_void, _: u32) -> Outcome<Picture> {
     Err(Failure::no_d3d12())
 }
 
@@ -87,7 +87,7 @@ pub(in crate::abi) fn release(_: &Renderer) -> Outcome<()> {
     Err(Failure::no_d3d12())
 }
 
-pub(in crate::abi) fn list() -> Vec<cairn_adapter> {
+pub(in crate::abi) fn adapters() -> Vec<cairn_adapter> {
     Vec::new()
 }
 

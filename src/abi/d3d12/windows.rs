@@ -13,20 +13,19 @@ use super::super::requirements::*;
 use super::super::results::{Failure, Outcome};
 use super::super::text::fixed_text;
 use super::types::{
-    AnchorTexture, DeviceTimes, FenceValue, FramePreparation, FrameResult, FrameStatistics, FrameTarget,
-    RolloutStatistics, WorldOptions,
+    AnchorTexture, FenceValue, FramePreparation, FrameResult, FrameStatistics, FrameTarget, RolloutStatistics,
+    WorldOptions,
 };
 use crate::Picture;
 use crate::ffx::{self, RequirementKind};
 use crate::framegen::shader::ShaderGenerator;
-use crate::gpu::compute::GpuTimeStatistics;
-use crate::gpu::{FencePoint, Gpu, Target, read_texture};
+use crate::gpu::{FencePoint, Gpu, Target};
 use crate::present::d3d12::{self, PipelineCallbacks, PrepareOptions, RenderResult, RendererOptions};
 use crate::present::presenter::Presenter;
 use crate::runtime::{Device, DirectMlOptions, Ort};
 use crate::world::{KeptAnchor, WorkerStatistics};
 use adapters::loaded_pipelines;
-pub(in crate::abi) use adapters::{list, requirements};
+pub(in crate::abi) use adapters::{adapters, requirements};
 
 /// A device made from an engine's objects: an ID3D12Device, its queue for frames, and its queue for anchors, which may be null.
 ///
@@ -39,24 +38,24 @@ pub(in crate::abi) unsafe fn of_engine(
     options: DeviceOptions,
 ) -> Outcome<Device> {
     // SAFETY: the caller's promise.
-    let device: direct3d::ID3D12Device = unsafe { object(d3d12, "d3d12") }?;
+    let device: direct3d::ID3D12Device = unsafe { com_object(d3d12, "d3d12") }?;
     // SAFETY: the caller's promise.
-    let queue: direct3d::ID3D12CommandQueue = unsafe { object(queue, "queue") }?;
+    let queue: direct3d::ID3D12CommandQueue = unsafe { com_object(queue, "queue") }?;
     let anchors: Option<direct3d::ID3D12CommandQueue> = match anchors.is_null() {
         true => None,
         // SAFETY: the caller's promise.
-        false => Some(unsafe { object(anchors, "anchors") }?),
+        false => Some(unsafe { com_object(anchors, "anchors") }?),
     };
-    Ok(running(&Gpu::of_engine(&device, &queue, anchors.as_ref())?, options)?.0)
+    Ok(directml_device(&Gpu::of_engine(&device, &queue, anchors.as_ref())?, options)?.0)
 }
 
 /// A device on an adapter, without an engine.
 pub(in crate::abi) fn on_adapter(luid: u64, options: DeviceOptions) -> Outcome<Device> {
-    Ok(running(&Gpu::on_adapter(Some(luid))?, options)?.0)
+    Ok(directml_device(&Gpu::on_adapter(Some(luid))?, options)?.0)
 }
 
 /// The runtime device on a Direct3D device, and the ONNX Runtime it uses.
-fn running(gpu: &Gpu, options: DeviceOptions) -> crate::Result<(Device, Ort)> {
+fn directml_device(gpu: &Gpu, options: DeviceOptions) -> crate::Result<(Device, Ort)> {
     let ort = Ort::find(&options.libraries)?;
     let directml = DirectMlOptions { deterministic: options.cpu.deterministic, ..DirectMlOptions::default() };
     let device = Device::directml(&ort, gpu, directml)?;
@@ -80,9 +79,9 @@ pub(in crate::abi) fn set_options(device: &Device, options: &WorldOptions) -> Ou
 pub(in crate::abi) fn rollout_statistics(statistics: &WorkerStatistics) -> RolloutStatistics {
     let Some((took, captured)) = &statistics.device else { return RolloutStatistics::default() };
     RolloutStatistics {
-        passes: times(took.passes),
-        decodes: times(took.decode),
-        commits: times(took.commit),
+        passes: took.passes,
+        decodes: took.decode,
+        commits: took.commit,
         in_onnxruntime: took.external.in_onnxruntime,
         waiting_for_device: took.external.waiting_for_device,
         yields: took.external.yields,
@@ -95,12 +94,12 @@ pub(in crate::abi) fn rollout_statistics(statistics: &WorkerStatistics) -> Rollo
 ///
 /// # Safety
 /// Pointers that are not null are COM objects that live during the call.
-pub(in crate::abi) unsafe fn read(device: &Device, texture: *mut c_void, state: u32) -> Outcome<Picture> {
+pub(in crate::abi) unsafe fn read_texture(device: &Device, texture: *mut c_void, state: u32) -> Outcome<Picture> {
     let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
     // SAFETY: the caller's promise.
-    let texture: direct3d::ID3D12Resource = unsafe { object(texture, "picture") }?;
+    let texture: direct3d::ID3D12Resource = unsafe { com_object(texture, "picture") }?;
     let state = direct3d::D3D12_RESOURCE_STATES(state.cast_signed());
-    Ok(read_texture(gpu, &texture, state)?)
+    Ok(crate::gpu::read_texture(gpu, &texture, state)?)
 }
 
 /// A picture of an anchor on the device that made it.
@@ -164,14 +163,14 @@ pub(in crate::abi) unsafe fn record(
         None => None,
         Some((list, FenceValue { fence, value })) => {
             // SAFETY: the caller's promise.
-            let list: direct3d::ID3D12GraphicsCommandList = unsafe { object(*list, "recording.list") }?;
+            let list: direct3d::ID3D12GraphicsCommandList = unsafe { com_object(*list, "recording.list") }?;
             // SAFETY: the caller's promise.
-            let fence: direct3d::ID3D12Fence = unsafe { object(*fence, "recording.fence") }?;
+            let fence: direct3d::ID3D12Fence = unsafe { com_object(*fence, "recording.fence") }?;
             Some((list, FencePoint::of_engine(gpu, &fence, *value)?))
         }
     };
     // SAFETY: the caller's promise.
-    let texture: direct3d::ID3D12Resource = unsafe { object(to.texture, "target") }?;
+    let texture: direct3d::ID3D12Resource = unsafe { com_object(to.texture, "target") }?;
     let [before, after] = [to.before, to.after].map(|state| direct3d::D3D12_RESOURCE_STATES(state.cast_signed()));
     let target = Target { texture, before, after };
     let rendered = match &list {
@@ -198,8 +197,8 @@ pub(in crate::abi) fn statistics(
     Some(FrameStatistics {
         in_flight: statistics.in_flight as u32,
         lists_pending: statistics.lists_pending as u32,
-        frames: times(statistics.frames),
-        lists: times(statistics.anchors),
+        frames: statistics.frames,
+        lists: statistics.anchors,
         generator: statistics.generator,
         upscaler: statistics.upscaler,
     })
@@ -208,11 +207,6 @@ pub(in crate::abi) fn statistics(
 /// Waits until all frames have run, and releases their targets.
 pub(in crate::abi) fn release(renderer: &Renderer) -> Outcome<()> {
     Ok(renderer.release()?)
-}
-
-fn times(times: GpuTimeStatistics) -> DeviceTimes {
-    let GpuTimeStatistics { frames: count, total, longest, last } = times;
-    DeviceTimes { count, total, longest, last }
 }
 
 /// A fence point as the engine waits for it, with an added reference.
@@ -224,7 +218,7 @@ fn fence_value(fence_point: &FencePoint) -> FenceValue {
 ///
 /// # Safety
 /// The pointer is null or a COM object that lives during the call.
-pub(in crate::abi) unsafe fn object<I: Interface>(pointer: *mut c_void, name: &str) -> Outcome<I> {
+pub(in crate::abi) unsafe fn com_object<I: Interface>(pointer: *mut c_void, name: &str) -> Outcome<I> {
     // SAFETY: the caller's promise; every interface of COM starts with IUnknown, and no reference is taken.
     let unknown = unsafe { IUnknown::from_raw_borrowed(&pointer) };
     let cast = unknown.and_then(|unknown| unknown.cast().ok());

@@ -9,7 +9,7 @@ use windows::Win32::Graphics::Dxgi as dxgi;
 use windows::core::{IUnknown, Interface as _};
 
 use super::*;
-use crate::abi::d3d12::backend::object;
+use crate::abi::d3d12::backend::com_object;
 use crate::abi::text::fixed_text;
 use crate::ffx::bindings::{Dimensions, MemoryUsage};
 pub(super) use crate::ffx::is_presenting_thread;
@@ -37,7 +37,7 @@ pub(super) unsafe fn wrap(
 ) -> Outcome<SwapchainObject> {
     let raw = *own;
     // SAFETY: the caller's promise.
-    let mut engine_swapchain: Option<dxgi::IDXGISwapChain4> = Some(unsafe { object(raw.cast(), "own") }?);
+    let mut engine_swapchain: Option<dxgi::IDXGISwapChain4> = Some(unsafe { com_object(raw.cast(), "own") }?);
     // SAFETY: the caller's reference. `engine_swapchain` has a second one now, which AMD's library requires to be the only one.
     drop(unsafe { IUnknown::from_raw(raw.cast()) });
     let made = make(device, options, SwapchainSource::Wrap(&mut engine_swapchain));
@@ -63,7 +63,7 @@ pub(super) unsafe fn create(
     description: *const DXGI_SWAP_CHAIN_DESC,
 ) -> Outcome<SwapchainObject> {
     // SAFETY: the caller's promise.
-    let factory: dxgi::IDXGIFactory = unsafe { object(factory.cast(), "factory") }?;
+    let factory: dxgi::IDXGIFactory = unsafe { com_object(factory.cast(), "factory") }?;
     // SAFETY: the caller's promise.
     let description = unsafe { read_struct(description.cast::<dxgi::DXGI_SWAP_CHAIN_DESC>(), "description") }?;
     make(device, options, SwapchainSource::New(&factory, description))
@@ -82,7 +82,7 @@ pub(super) unsafe fn create_for_window(
     fullscreen: *const DXGI_SWAP_CHAIN_FULLSCREEN_DESC,
 ) -> Outcome<SwapchainObject> {
     // SAFETY: the caller's promise.
-    let factory: dxgi::IDXGIFactory = unsafe { object(factory.cast(), "factory") }?;
+    let factory: dxgi::IDXGIFactory = unsafe { com_object(factory.cast(), "factory") }?;
     // SAFETY: the caller's promise.
     let description = unsafe { read_struct(description.cast::<dxgi::DXGI_SWAP_CHAIN_DESC1>(), "description") }?;
     let fullscreen = fullscreen.cast::<dxgi::DXGI_SWAP_CHAIN_FULLSCREEN_DESC>();
@@ -133,7 +133,7 @@ unsafe fn texture_with_state(texture: *mut ID3D12Resource, state: u32, name: &st
         return Ok(None);
     }
     // SAFETY: the caller's promise.
-    let texture = unsafe { object(texture.cast(), name) }?;
+    let texture = unsafe { com_object(texture.cast(), name) }?;
     Ok(Some((texture, direct3d::D3D12_RESOURCE_STATES(state.cast_signed()))))
 }
 
@@ -159,7 +159,7 @@ impl SwapchainObject {
         frame: &cairn_swapchain_frame,
     ) -> Outcome<()> {
         // SAFETY: the caller's promise.
-        let list: direct3d::ID3D12GraphicsCommandList = unsafe { object(list.cast(), "list") }?;
+        let list: direct3d::ID3D12GraphicsCommandList = unsafe { com_object(list.cast(), "list") }?;
         // SAFETY: the caller's promise.
         let [depth, motion, hudless, distortion] = unsafe {
             [

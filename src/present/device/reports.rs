@@ -41,7 +41,7 @@ impl ReportCollector {
 
     /// The next report. `cuts`: of frames that have finished since the last one. `frames` and `anchors`: device times since the drawer was created.
     pub(super) fn next(&mut self, cuts: u64, frames: GpuTimeStatistics, anchors: GpuTimeStatistics) -> DeviceReport {
-        let count = frames.frames + self.repeats;
+        let count = frames.count + self.repeats;
         if count <= self.reported_frames {
             // Work on anchors without a new frame is reported with the next frame.
             return DeviceReport { cuts, frames: 0, spent: Duration::ZERO };

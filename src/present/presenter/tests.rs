@@ -324,7 +324,7 @@ fn frames_follow_a_rollouts_governor_while_it_exists() {
     // A latent takes 4 ms for 4 frames, and each frame takes 4 ms: 5 ms per frame with a budget of 2.1 ms.
     for _ in 0..3 {
         presenter.record_device_time(4, Duration::from_millis(16));
-        followed.record_latent(Duration::from_millis(4), None);
+        followed.record_latent(world::LatentTime::undivided(Duration::from_millis(4), 4), None);
     }
     let done = presenter.statistics();
     // Fewer passes do not suffice; one frame instead of four needs 2 ms.

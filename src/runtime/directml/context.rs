@@ -514,7 +514,8 @@ impl ExecutionContext for DirectMlContext {
         self.finite_checks[finite_check.0].ready()?;
         let list = self.finite_checks[finite_check.0].list().clone();
         let recorder = self.recorder.get_mut();
-        let fence_point = self.gpu.anchors().with_event(c"Cairn: look for numbers", || recorder.submit_then(list))?;
+        let fence_point =
+            self.gpu.anchors().with_event(c"Cairn: check for NaN and infinity", || recorder.submit_then(list))?;
         self.finite_checks[finite_check.0].runs_until(&fence_point);
         self.wait(&fence_point)?;
         Ok(self.finite_checks[finite_check.0].read(&self.check_readback))

@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use crate::world::latent_time::{LatentCost, LatentTime};
+
 /// Latents measured before each decision.
 const LATENTS: u32 = 3;
 /// Latents and frames in flight when a setting changes; their times belong to the old setting and are ignored.
@@ -23,8 +25,8 @@ pub(super) struct Setting {
 #[derive(Debug, Clone)]
 pub(super) struct Window {
     pub(super) latents: u32,
-    /// Bytes of its ring.
-    pub(super) ring_bytes: u64,
+    /// Bytes of a rollout in it.
+    pub(super) rollout_bytes: u64,
     /// Whether it may be used.
     pub(super) allowed: bool,
     /// Duration of a pass, relative to a pass of the first window that was measured; `None` before it is measured.
@@ -32,8 +34,8 @@ pub(super) struct Window {
 }
 
 impl Window {
-    pub(super) fn new(latents: u32, ring_bytes: u64, allowed: bool) -> Self {
-        Self { latents, ring_bytes, allowed, relative_pass: None }
+    pub(super) fn new(latents: u32, rollout_bytes: u64, allowed: bool) -> Self {
+        Self { latents, rollout_bytes, allowed, relative_pass: None }
     }
 }
 
@@ -65,7 +67,7 @@ pub(super) struct Decision {
 ///                     with the fewest frames and passes, so that it is measured
 /// below the budget    the first setting with an expected time of at most 7/8 of the budget, after a number of measurements within
 ///                     the budget that doubles whenever a larger setting proved too slow
-/// a latent's time     proportional to its passes + 1; between windows as measured
+/// a latent's time     its passes, each as long as measured in its window, and all other work as measured
 /// ```
 #[derive(Debug, Clone)]
 pub(super) struct Controller {
@@ -82,14 +84,14 @@ pub(super) struct Controller {
     stale_frames: u64,
     /// Sums of the measurement in progress.
     latents: u32,
-    latents_time: Duration,
+    latents_time: LatentTime,
     frames: u64,
     frames_time: Duration,
     /// Duration in seconds that a pass of the first measured window would have had when the current window was entered: the
     /// reference for the current window's `relative_pass`. Set between the change of window and the next measurement.
     reference_pass: Option<f64>,
-    /// The last measurement: time of a latent, and of the work on frames for each shown frame.
-    latent_time: Duration,
+    /// The last measurement: of a latent, and of the work on frames for each shown frame.
+    latent: LatentCost,
     generation_time: Duration,
     /// Consecutive measurements within the budget, and how many of them are required before a larger setting is tried.
     within_budget: u32,
@@ -114,11 +116,11 @@ impl Controller {
             stale_latents: 0,
             stale_frames: 0,
             latents: 0,
-            latents_time: Duration::ZERO,
+            latents_time: LatentTime::default(),
             frames: 0,
             frames_time: Duration::ZERO,
             reference_pass: None,
-            latent_time: Duration::ZERO,
+            latent: LatentCost::default(),
             generation_time: Duration::ZERO,
             within_budget: 0,
             patience: 1,
@@ -137,9 +139,10 @@ impl Controller {
             (1..=self.multiplier).rev().filter(|generated| self.multiplier.is_multiple_of(*generated)).collect();
     }
 
-    /// Excludes a window, and sets the one in use to `current`.
+    /// Excludes a window, and sets the one in use to `current`, which is allowed from now on.
     pub(super) fn exclude(&mut self, window: usize, current: usize) {
         self.windows[window].allowed = false;
+        self.windows[current].allowed = true;
         self.setting.window = current;
         self.restart_measurement();
     }
@@ -156,22 +159,22 @@ impl Controller {
 
     /// Records a latent's time and the bytes of the device's memory budget that are left, negative if it is exceeded. Returns a
     /// decision if the setting changes.
-    pub(super) fn record_latent(&mut self, time: Duration, memory_left: Option<i128>) -> Option<Decision> {
+    pub(super) fn record_latent(&mut self, time: LatentTime, memory_left: Option<i128>) -> Option<Decision> {
         if self.stale_latents > 0 {
             self.stale_latents -= 1;
             return None;
         }
         self.latents += 1;
-        self.latents_time = self.latents_time.saturating_add(time);
+        self.latents_time.add(time);
         if self.latents < LATENTS {
             return None;
         }
-        self.latent_time = self.latents_time / self.latents;
+        self.latent = LatentCost::of(self.latents_time, self.latents, self.passes[self.setting.passes]);
         self.generation_time = self.frames_time / u32::try_from(self.frames.max(1)).unwrap_or(u32::MAX);
         self.update_window();
         let frame_time = self.frame_time();
         let decision = self.decide(frame_time, memory_left);
-        (self.latents, self.latents_time) = (0, Duration::ZERO);
+        (self.latents, self.latents_time) = (0, LatentTime::default());
         (self.frames, self.frames_time) = (0, Duration::ZERO);
         let (setting, reason) = decision?;
         if setting.window != self.setting.window {
@@ -200,21 +203,15 @@ impl Controller {
     /// Restarts the measurement after a change.
     fn restart_measurement(&mut self) {
         (self.stale_latents, self.stale_frames) = (STALE_LATENTS, STALE_FRAMES);
-        (self.latents, self.latents_time) = (0, Duration::ZERO);
+        (self.latents, self.latents_time) = (0, LatentTime::default());
         (self.frames, self.frames_time) = (0, Duration::ZERO);
         self.within_budget = 0;
     }
 
-    /// Duration of a pass in seconds; all other work of a latent counts as one pass more.
-    fn pass_seconds(&self) -> f64 {
-        self.latent_time.as_secs_f64() / f64::from(self.passes[self.setting.passes] + 1)
-    }
-
     /// Stores the current window's pass duration relative to the first measured window's.
     fn update_window(&mut self) {
-        let pass = self.pass_seconds();
         let relative = match self.reference_pass.take() {
-            Some(reference) if reference > 0.0 => pass / reference,
+            Some(reference) if reference > 0.0 => self.latent.pass / reference,
             _ => self.windows[self.setting.window].relative_pass.unwrap_or(1.0),
         };
         self.windows[self.setting.window].relative_pass = Some(relative);
@@ -223,14 +220,13 @@ impl Controller {
     /// Stores what a pass of the first measured window takes now, before the window changes.
     fn set_reference_pass(&mut self) {
         self.reference_pass =
-            self.windows[self.setting.window].relative_pass.map(|relative| self.pass_seconds() / relative);
+            self.windows[self.setting.window].relative_pass.map(|relative| self.latent.pass / relative);
     }
 
     /// Expected time of a shown frame under `setting`.
     fn expected_time(&self, setting: Setting) -> Duration {
-        let passes = f64::from(self.passes[setting.passes] + 1) / f64::from(self.passes[self.setting.passes] + 1);
-        let latent =
-            self.latent_time.as_secs_f64() * passes * self.pass_ratio(setting.window) / f64::from(self.multiplier);
+        let latent = self.latent.seconds(self.passes[setting.passes], self.pass_ratio(setting.window))
+            / f64::from(self.multiplier);
         let generated =
             f64::from(self.generated[setting.generated]) / f64::from(self.generated[self.setting.generated]);
         let frame = self.generation_time.as_secs_f64() * generated;
@@ -248,10 +244,10 @@ impl Controller {
         }
     }
 
-    /// Whether a window is allowed and its ring fits in the memory that is left.
+    /// Whether a window is allowed and a rollout in it fits in the memory that is left.
     fn is_available(&self, window: usize, memory_left: Option<i128>) -> bool {
-        let more =
-            i128::from(self.windows[window].ring_bytes) - i128::from(self.windows[self.setting.window].ring_bytes);
+        let more = i128::from(self.windows[window].rollout_bytes)
+            - i128::from(self.windows[self.setting.window].rollout_bytes);
         self.windows[window].allowed && (more <= 0 || memory_left.is_none_or(|left| more <= left))
     }
 
@@ -318,7 +314,7 @@ mod tests {
         assert_eq!(controller.record_memory(-1), None, "there is no narrower one");
         // The wide window returns as after any other change: when there is memory for it, and time.
         let latents = |controller: &mut Controller, left| {
-            (0..12).for_each(|_| _ = controller.record_latent(Duration::from_micros(1_000), Some(left)));
+            (0..12).for_each(|_| _ = controller.record_latent(undivided(1_000, controller), Some(left)));
             setting_of(controller).0
         };
         assert_eq!(latents(&mut controller, 1 << 20), 8, "its ring would not fit");
@@ -334,9 +330,18 @@ mod tests {
         other: u32,
         generated: u32,
         repeated: u32,
+        /// Whether the device tells the times of passes apart from other work.
+        is_divided: bool,
     }
 
-    const LIGHT: Load = Load { wide: 2_000, narrow: 1_000, other: 2_000, generated: 1_000, repeated: 100 };
+    const LIGHT: Load =
+        Load { wide: 2_000, narrow: 1_000, other: 2_000, generated: 1_000, repeated: 100, is_divided: true };
+
+    /// The time of a latent of which nothing else is known.
+    fn undivided(microseconds: u32, controller: &Controller) -> LatentTime {
+        let passes = controller.passes[controller.setting().passes];
+        LatentTime::undivided(Duration::from_micros(microseconds.into()), passes)
+    }
 
     fn controller(budget: u32) -> Controller {
         let windows = vec![Window::new(64, 64 << 20, true), Window::new(8, 8 << 20, true)];
@@ -357,11 +362,16 @@ mod tests {
     }
 
     /// Time of a latent and of one anchor's frames under a load.
-    fn times(controller: &Controller, load: Load) -> (Duration, Duration) {
+    fn times(controller: &Controller, load: Load) -> (LatentTime, Duration) {
         let (window, generated, passes) = setting_of(controller);
-        let pass = if window == 64 { load.wide } else { load.narrow };
-        let latent = Duration::from_micros((pass * passes + load.other).into());
-        (latent, Duration::from_micros((load.generated * generated + load.repeated * (4 - generated)).into()))
+        let microseconds = |number: u32| Duration::from_micros(number.into());
+        let of_passes = passes * if window == 64 { load.wide } else { load.narrow };
+        let total = of_passes + load.other;
+        let latent = match load.is_divided {
+            true => LatentTime { total: microseconds(total), passes: microseconds(of_passes), count: passes.into() },
+            false => undivided(total, controller),
+        };
+        (latent, microseconds(load.generated * generated + load.repeated * (4 - generated)))
     }
 
     /// Simulates `latents` latents with their frames; returns the number of decisions.
@@ -377,33 +387,49 @@ mod tests {
 
     fn within(controller: &Controller, load: Load, budget: u32) -> bool {
         let (latent, frames) = times(controller, load);
-        (latent + frames) / 4 <= Duration::from_micros(budget.into())
+        (latent.total + frames) / 4 <= Duration::from_micros(budget.into())
     }
 
     #[test]
     fn the_largest_setting_within_the_budget_is_found_and_kept() {
         // With everything: (4 * 2 + 2 + 4) / 4 = 3.5 ms for each frame.
-        for (budget, expected) in [
+        let settings = [
             (4_500, (64, 4, 4)),
             (3_000, (64, 4, 2)),
             (2_000, (64, 4, 1)),
             (1_600, (64, 2, 1)),
             (1_330, (64, 1, 1)),
             (1_200, (8, 1, 1)),
-        ] {
-            let mut controller = controller(budget);
-            let decisions = run(&mut controller, 400, LIGHT);
-            assert_eq!(setting_of(&controller), expected, "{budget} us");
-            assert!(within(&controller, LIGHT, budget), "{budget} us");
-            assert!(decisions <= 6, "{decisions} decisions at {budget} us");
-            assert_eq!(run(&mut controller, 400, LIGHT), 0, "it oscillates at {budget} us");
+        ];
+        for (budget, expected) in settings {
+            for load in [LIGHT, Load { is_divided: false, ..LIGHT }] {
+                let mut controller = controller(budget);
+                let decisions = run(&mut controller, 400, load);
+                assert_eq!(setting_of(&controller), expected, "{budget} us");
+                assert!(within(&controller, load, budget), "{budget} us");
+                assert!(decisions <= 6, "{decisions} decisions at {budget} us");
+                assert_eq!(run(&mut controller, 400, load), 0, "it oscillates at {budget} us");
+            }
         }
+    }
+
+    /// With small weights a pass is short, and a latent is mostly its decoder's work, which no pass less shortens.
+    #[test]
+    fn passes_are_kept_where_fewer_would_not_help() {
+        let small = Load { wide: 200, narrow: 180, other: 6_000, ..LIGHT };
+        // With everything 2.7 ms for each frame, with one pass 2.55 ms, with two generated frames 2.25 ms.
+        let mut known = controller(2_300);
+        assert_eq!((run(&mut known, 400, small), setting_of(&known)), (1, (64, 2, 4)));
+        // A device that does not tell the times apart has to try fewer passes first.
+        let mut unknown = controller(2_300);
+        assert!(run(&mut unknown, 400, Load { is_divided: false, ..small }) > 1);
+        assert!(within(&unknown, small, 2_300) && setting_of(&unknown) != (64, 2, 4), "{:?}", setting_of(&unknown));
     }
 
     #[test]
     fn settings_shrink_under_load_and_recover_afterwards() {
         let mut controller = controller(4_500);
-        let heavy = Load { wide: 12_000, narrow: 4_000, other: 3_000, generated: 2_000, repeated: 100 };
+        let heavy = Load { wide: 12_000, narrow: 4_000, other: 3_000, generated: 2_000, ..LIGHT };
         run(&mut controller, 200, LIGHT);
         assert_eq!(setting_of(&controller), (64, 4, 4));
         run(&mut controller, 200, heavy);
@@ -436,7 +462,7 @@ mod tests {
         for _ in 0..12_000 {
             // Every setting above the smallest costs far more than expected.
             let smallest = setting_of(&controller) == (8, 1, 1);
-            let latent = Duration::from_micros(if smallest { 1_000 } else { 40_000 });
+            let latent = undivided(if smallest { 1_000 } else { 40_000 }, &controller);
             controller.record_frames(4, Duration::from_micros(100));
             decisions += u32::from(controller.record_latent(latent, None).is_some());
         }
@@ -469,8 +495,10 @@ mod tests {
         assert_eq!(reasons(&mut controller, 30, (56 << 20) - 1), []);
         assert_eq!(reasons(&mut controller, 30, 56 << 20), [Reason::TimeIsLeft]);
         assert_eq!(setting_of(&controller), (64, 4, 4));
-        // A window that turned out to be unusable is not tried again.
+        // A window that turned out to be unusable is not tried again, and the one in use is allowed even if it was not.
+        controller.windows[1].allowed = false;
         controller.exclude(0, 1);
+        assert_eq!(controller.windows.iter().map(|window| window.allowed).collect::<Vec<_>>(), [false, true]);
         assert_eq!(reasons(&mut controller, 300, 1 << 30), []);
         assert_eq!(setting_of(&controller), (8, 4, 4));
     }

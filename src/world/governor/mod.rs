@@ -9,6 +9,7 @@ use std::time::Duration;
 use crate::locks::Mutex;
 
 use self::controller::{Controller, Decision, Reason, Setting, Window};
+use super::latent_time::LatentTime;
 use super::schedule::{Schedule, pass_counts};
 use super::world::World;
 use crate::runtime::MemoryChanges;
@@ -69,6 +70,10 @@ impl Budget {
 /// Chooses from measured device times how many denoise passes latents have, how long their context window is, and how many of the
 /// frames between anchors are generated, so that a shown frame stays within the budget. It reduces passes first, then frames, and
 /// the window last; it restores them when there is time. [`Rollout::govern`](super::Rollout::govern) makes one.
+///
+/// Device times divide a latent into passes and all other work, so that fewer passes are not expected to shorten the latter. A window in which a slice
+/// exceeds [`WorldOptions::longest_submission`](super::WorldOptions::longest_submission) is
+/// not used where another does not.
 ///
 /// Threads: may be used from any thread at any time.
 #[derive(Debug)]
@@ -158,7 +163,7 @@ impl Governor {
     }
 
     /// Records the time of a latent, and the bytes of the device's memory budget that are left, negative if it is exceeded.
-    pub(crate) fn record_latent(&self, time: Duration, memory_left: Option<i128>) {
+    pub(crate) fn record_latent(&self, time: LatentTime, memory_left: Option<i128>) {
         let mut state = self.state.lock();
         state.statistics.latents += 1;
         let Some(decision) = state.controller.record_latent(time, memory_left) else { return };
@@ -221,8 +226,12 @@ impl GovernorSettings {
         let passes = pass_counts(&schedules, &current.manifest().sampler, "budget.schedules")?;
         let worlds = by_window(others, current)?;
         budget.check_memory(&worlds)?;
-        let window =
-            |world: &Arc<World>| Window::new(world.global_window(), world.memory_need().ring, budget.fits(world));
+        // A window in which one slice holds the device for longer than the host allows is used only if each does.
+        let keeps_limit = worlds.iter().any(|world| budget.fits(world) && world.keeps_longest_submission());
+        let window = |world: &Arc<World>| {
+            let is_allowed = budget.fits(world) && (world.keeps_longest_submission() || !keeps_limit);
+            Window::new(world.global_window(), world.rollout_need(), is_allowed)
+        };
         let windows = worlds.iter().map(window).collect();
         let controller = Controller::new(budget.frame, budget.multiplier, windows, passes);
         let governor = Arc::new(Governor::new(controller, budget.multiplier));

@@ -8,7 +8,9 @@ use super::limits::{LatentStart, Limits};
 use crate::Result;
 use crate::world::governor::{Budget, Governor, GovernorSettings};
 use crate::world::latent_budget::LatentBudget;
+use crate::world::latent_time::LatentTime;
 use crate::world::schedule::Schedule;
+use crate::world::statistics::StepInfo;
 use crate::world::world::World;
 
 impl Rollout {
@@ -48,7 +50,8 @@ impl Rollout {
     }
 
     /// Keeps this rollout, and the presenters that follow the returned governor, within a budget. Latents start with the first of
-    /// the schedules, in the widest of `worlds` that the memory allows. Measured times decide when they get fewer passes or a
+    /// the schedules, in the widest of `worlds` that the memory allows and whose slices keep to
+    /// [`longest_submission`](crate::world::WorldOptions::longest_submission), if any does. Measured times decide when they get fewer passes or a
     /// narrower window: device times where available, else wall time. `worlds` are further worlds of the same bundle, loaded with
     /// other windows, that the rollout may [`move_to`](Self::move_to) by itself before a latent; if empty, it stays in its own. All
     /// given worlds take memory as long as they are loaded; only the world in use has a ring.
@@ -119,11 +122,12 @@ impl Rollout {
 
     /// Reports the time of a finished latent to the limits. A latent budget's new schedule is applied at once, a governor's decision
     /// before the next step.
-    pub(super) fn finish_latent(&mut self, start: &LatentStart) {
+    pub(super) fn finish_latent(&mut self, start: &LatentStart, step: &StepInfo) {
+        let wall = LatentTime::of_step(start.wall.elapsed(), &step.stages, self.world.device().is_gpu());
         match &mut self.limits {
             Limits::None => {}
             Limits::Latents(budget) => {
-                let Some((schedule, mean)) = budget.record_latent(start.wall.elapsed()) else { return };
+                let Some((schedule, mean)) = budget.record_latent(wall) else { return };
                 let schedule = schedule.clone();
                 // Does not fail: the schedule was checked when the budget was set.
                 match self.set_schedule(&schedule) {
@@ -135,9 +139,9 @@ impl Rollout {
             }
             Limits::Frames(settings) => {
                 let now = self.times.total_device_time(&mut *self.device.context, &self.world);
-                let device = now.zip(start.device).map(|(now, before)| now.saturating_sub(before));
-                let time = device.unwrap_or_else(|| start.wall.elapsed());
-                settings.governor().record_latent(time, memory_left(&self.world));
+                let passes = step.stages.denoise.count as u32;
+                let device = now.zip(start.device).map(|(now, before)| now.since(before, passes));
+                settings.governor().record_latent(device.unwrap_or(wall), memory_left(&self.world));
             }
         }
     }

@@ -1,10 +1,11 @@
 //! The limits that a rollout keeps, and the clocks that they need.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use crate::world::governor::{Governor, GovernorSettings};
 use crate::world::latent_budget::LatentBudget;
+use crate::world::latent_time::LatentTime;
 
 /// The limits of a rollout; at most one kind at a time.
 #[derive(Default)]
@@ -30,5 +31,5 @@ impl Limits {
 pub(super) struct LatentStart {
     pub(super) wall: Instant,
     /// Device time so far; `None` if the limits do not need it or the device does not measure it.
-    pub(super) device: Option<Duration>,
+    pub(super) device: Option<LatentTime>,
 }

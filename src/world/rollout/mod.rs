@@ -167,7 +167,7 @@ impl Rollout {
     pub(super) fn step_as_decided(&mut self, input: &ControlInput) -> Result<StepInfo> {
         let start = self.start_latent();
         let info = self.with_plan(|planner, plan| planner.plan_step_into(input, plan), Self::execute)?;
-        self.finish_latent(&start);
+        self.finish_latent(&start, &info);
         Ok(info)
     }
 

@@ -1,12 +1,13 @@
 //! Times and statistics of a rollout, across all worlds that it ran in.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 #[cfg(windows)]
 use crate::gpu::GpuTimeStatistics;
 use crate::runtime::{Bytes, ExecutionContext};
 #[cfg(windows)]
 use crate::runtime::{ExternalTimes, Work};
+use crate::world::latent_time::LatentTime;
 use crate::world::plan::StepPlan;
 use crate::world::statistics::{Stages, Statistics, StepInfo};
 use crate::world::world::World;
@@ -17,8 +18,8 @@ use crate::world::world::World;
 pub struct DeviceTimes {
     /// Encoder runs.
     pub encode: GpuTimeStatistics,
-    /// Transformer passes: denoise passes and cache passes, which make K and V for the ring. In a world of several slices `longest` is the
-    /// longest slice, and `last` the last one.
+    /// Transformer passes: denoise passes and cache passes, which make K and V for the ring. A joined pass counts as one of each. In a world of several
+    /// slices `longest` is the longest slice, and `last` the last one.
     pub passes: GpuTimeStatistics,
     /// Decoder runs, including those that only prime the decoder.
     pub decode: GpuTimeStatistics,
@@ -72,10 +73,11 @@ impl Times {
         let mut slices = world.transformer.graphs().map(|graph| gpu_time(Work::Runs(graph)));
         let first = slices.next().flatten()?;
         let passes =
-            slices.try_fold(first, |sum, slice| Some(GpuTimeStatistics { frames: sum.frames, ..sum.merge(slice?) }));
+            slices.try_fold(first, |sum, slice| Some(GpuTimeStatistics { count: sum.count, ..sum.merge(slice?) }));
         let mut passes = passes?;
         for graph in world.joined.iter().flat_map(|joined| joined.graphs()) {
-            passes = passes.merge(gpu_time(Work::Runs(graph))?);
+            let joined = gpu_time(Work::Runs(graph))?;
+            passes = passes.merge(GpuTimeStatistics { count: 2 * joined.count, ..joined });
         }
         let earlier = &self.earlier;
         Some(DeviceTimes {
@@ -87,13 +89,17 @@ impl Times {
         })
     }
 
-    /// The sum of all device times; `None` if the device does not measure them.
-    pub(super) fn total_device_time(&self, context: &mut dyn ExecutionContext, world: &World) -> Option<Duration> {
+    /// The sum of all device times, and the part that passes took; `None` if the device does not measure them.
+    pub(super) fn total_device_time(&self, context: &mut dyn ExecutionContext, world: &World) -> Option<LatentTime> {
         #[cfg(windows)]
         return self
             .device_times(context, world)
-            .map(|times| times.encode.total + times.passes.total + times.decode.total + times.commit.total)
-            .filter(|total| !total.is_zero());
+            .map(|DeviceTimes { encode, passes, decode, commit, .. }| LatentTime {
+                total: encode.total + passes.total + decode.total + commit.total,
+                passes: passes.total,
+                count: passes.count,
+            })
+            .filter(|time| !time.total.is_zero());
         #[cfg(not(windows))]
         {
             let _ = (context, world);

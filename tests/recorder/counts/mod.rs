@@ -45,7 +45,7 @@ fn a_step_runs_its_passes_and_its_decode_and_nothing_else_dispatches() {
         ("", 0),
         ("Cairn: commit", 1),
         ("Cairn: decoder", 1),
-        ("Cairn: look for numbers", 1),
+        ("Cairn: check for NaN and infinity", 1),
         ("Cairn: transformer", PASSES),
     ];
     assert_eq!(events, BTreeMap::from(expected));

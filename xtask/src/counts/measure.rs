@@ -23,7 +23,7 @@ const BUNDLE: &str = "samples/worlds/miniature.cairn";
 const PARTS: [(&str, &str, Option<&str>); 5] = [
     ("pass", "Cairn: transformer", Some("transformer")),
     ("decode", "Cairn: decoder", Some("decoder")),
-    ("finite check", "Cairn: look for numbers", None),
+    ("finite check", "Cairn: check for NaN and infinity", None),
     ("commit", "Cairn: commit", None),
     ("uploads and timestamps", "", None),
 ];
@@ -243,7 +243,7 @@ mod tests {
         let event = |events: u64, dispatches: u64| format!("{{\"events\": {events}, \"dispatches\": {dispatches}}}");
         format!(
             "{{\"device\": \"DirectML on a GPU\", \"window\": 16, \"passes\": 2,
-            \"step\": {{\"Cairn: transformer\": {}, \"Cairn: decoder\": {}, \"Cairn: look for numbers\": {}, \"Cairn: commit\": {}, \"\": {}}},
+            \"step\": {{\"Cairn: transformer\": {}, \"Cairn: decoder\": {}, \"Cairn: check for NaN and infinity\": {}, \"Cairn: commit\": {}, \"\": {}}},
             \"operators\": {{\"transformer\": [[\"y_dmlEp_0\", \"GEMM\"], [\"y_dmlEp_1\", \"CAST\"]], \"decoder\": []}},
             \"costs\": {{\"transformer\": {{\"multiply_adds\": {multiply_adds}, \"bytes\": 12}}}}}}",
             event(2, 10),
