@@ -5,6 +5,7 @@ import json
 import jsonschema
 import numpy as np
 import onnx
+import onnxruntime
 import pytest
 from conftest import ROOT, TINY, relative, session
 from onnx import numpy_helper
@@ -269,3 +270,19 @@ def test_memory_counts_the_unpacked_matrix_as_the_library_does(tiny, tmp_path, c
         head, first = (next(line for line in lines if line.startswith(word)) for word in ("MiB", precision))
         columns, row = ([line[at : at + 13].strip() for at in range(11, len(line), 13)] for line in (head, first))
         assert float(dict(zip(columns, row, strict=True))["unpacked"]) == pytest.approx(count / 2**20, abs=0.051)
+
+
+def test_the_cpu_provider_multiplies_no_eight_bit_floats():
+    """`docs/bundle.md` says so: if this fails, the format may have them."""
+    number = onnx.TensorProto.FLOAT8E4M3FN
+    nodes = [
+        onnx.helper.make_node("Cast", ["x"], ["x8"], to=number),
+        onnx.helper.make_node("GemmFloat8", ["x8", "w", "", "s", "s"], ["y"], domain="com.microsoft", dtype=1),
+    ]
+    x, y = (onnx.helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, [4, 16]) for name in "xy")
+    w = onnx.helper.make_tensor("w", number, [16, 16], [1.0] * 256)
+    scale = onnx.helper.make_tensor("s", onnx.TensorProto.FLOAT, [], [1.0])
+    opsets = [onnx.helper.make_opsetid("", 21), onnx.helper.make_opsetid("com.microsoft", 1)]
+    model = onnx.helper.make_model(onnx.helper.make_graph(nodes, "g", [x], [y], [w, scale]), opset_imports=opsets, ir_version=10)
+    with pytest.raises(onnxruntime.capi.onnxruntime_pybind11_state.NotImplemented, match="GemmFloat8"):
+        onnxruntime.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"])

@@ -132,6 +132,34 @@ def test_the_pages_show_the_estimates(worlds):
     assert f"{1e6 / (rates.REAL_TIME * worlds[0].kernels(slowest)):.1f} microseconds" in page
 
 
+def test_small_weights_are_faster_only_if_they_are_not_unpacked_into_memory(worlds):
+    g, stock = worlds[1].geometry, rates.PRESETS_OF_THE_LIBRARY[0]
+    whole, eight, four = rates.in_each_precision("360p", g)
+    starved = rates.Gpu("starved", 1000, 100, 24)
+    assert whole.limit(starved, stock, unpacks=True) == whole.limit(starved, stock)
+    assert four.limit(starved, stock) > eight.limit(starved, stock) > 1.5 * whole.limit(starved, stock)
+    # Of 16 bits, each number is read once; of 8, half as much is read, written in 16 bits, and read again.
+    unpacking = [small.limit(starved, stock, unpacks=True) for small in (eight, four)]
+    assert whole.limit(starved, stock) / 2.6 < unpacking[0] < unpacking[1] < whole.limit(starved, stock) / 2
+    low, high = eight.estimate(starved, stock)
+    assert low < whole.estimate(starved, stock)[0] and high > whole.estimate(starved, stock)[1]
+    busy = rates.Gpu("busy", 1, 10000, 24)
+    assert eight.estimate(busy, stock) == pytest.approx(whole.estimate(busy, stock))
+
+
+def test_the_page_shows_weights_by_bits(worlds):
+    shown = rates.by_bits([rates.in_each_precision(world.name, world.geometry) for world in worlds[1:]])
+    assert shown.strip() in (ROOT / "docs" / "rates.md").read_text(encoding="utf-8"), "make it again: rates ... --by-bits"
+
+
+@pytest.mark.parametrize("other", [["--summary"], ["--weights", "8"], ["--reports", "hardware"]])
+def test_the_table_by_bits_stands_alone(capsys, tiny, other):
+    assert main(["rates", str(tiny), "--by-bits"]) == 0
+    assert "coherence<br>4 bits" in capsys.readouterr().out
+    assert main(["rates", str(tiny), "--by-bits", *other]) == 2
+    assert other[0] in capsys.readouterr().err
+
+
 def test_the_command_names_what_is_missing(capsys, tiny):
     assert main(["rates"]) == 2
     assert "--preset 360p" in capsys.readouterr().err

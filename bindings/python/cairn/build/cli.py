@@ -140,6 +140,7 @@ def parser() -> argparse.ArgumentParser:
     _weights(of_rates)
     of_rates.add_argument("--joined", action="store_true", help="with joined passes (operating point `joined`) of all worlds named")
     of_rates.add_argument("--summary", action="store_true", help="one short table: two presets, no limits")
+    of_rates.add_argument("--by-bits", action="store_true", help="instead, a table of weights in 16, 8 and 4 bits at two presets")
     of_rates.add_argument("--points", action="store_true", help="instead, the published rates that the ranges come from")
     of_rates.add_argument(
         "--reports", type=Path, metavar="FOLDER", help="reports of cairn-check, with measured rates of samples/worlds/miniature.cairn"
@@ -394,6 +395,16 @@ def _rates(options: argparse.Namespace) -> int:
         print(rates.evidence())
         return 0
     named = _named_worlds(options)
+    if options.by_bits:
+        for option, given in (("--weights", options.weights != 16), ("--summary", options.summary), ("--reports", options.reports)):
+            if given:
+                raise BuildError("the table of bits has all of them and nothing else", field=option, remedy=f"Leave out {option}.")
+        if any(quantisation is not None for _, _, quantisation in named):
+            raise BuildError("a bundle has fewer bits already", field="--by-bits", remedy="Name the bundle that it was made from.")
+        suffix = ", joined passes" if options.joined else ""
+        worlds = [rates.in_each_precision(name + suffix, g.with_(joined=options.joined)) for name, g, _ in named]
+        print(rates.by_bits(worlds))
+        return 0
     if options.joined:
         named = [(f"{name}, joined passes", g.with_(joined=True), quantisation) for name, g, quantisation in named]
     worlds = [rates.World(*world) for world in named]

@@ -119,8 +119,17 @@ def unpacked_bytes(g: Geometry, quantisation: Quantisation | None, precision: st
     """
     if quantisation is None or (precision == "f32" and (quantisation.bits == 4 or quantisation.activation_bits == 8)):
         return 0
-    numbers = max((p.whole.count for p in stored_transformer(g) if quantisation.takes(p.whole)), default=0)
-    return numbers * (2 if precision == "f16" else 4)
+    return max(_quantised_counts(g, quantisation), default=0) * (2 if precision == "f16" else 4)
+
+
+def unpacked_numbers(g: Geometry, quantisation: Quantisation | None) -> int:
+    """Numbers of all matrices in 8 or 4 bits, which a pass unpacks one after the other."""
+    return 0 if quantisation is None else sum(_quantised_counts(g, quantisation))
+
+
+def _quantised_counts(g: Geometry, quantisation: Quantisation) -> list[int]:
+    """Numbers of each matrix that becomes smaller."""
+    return [packed.whole.count for packed in stored_transformer(g) if quantisation.takes(packed.whole)]
 
 
 def rounded(matrix: np.ndarray, bits: int, block: int) -> tuple[np.ndarray, np.ndarray]:

@@ -6,8 +6,9 @@
     estimate of a latent   from the larger of limit / worst share, and nodes x `SLOW_KERNEL_SECONDS`
                            to the larger of limit / best share, and nodes x `fast_kernel_seconds()`
 
-Weights of fewer bits move fewer bytes and need less memory; products are counted at the float16 rate, because a provider unpacks the
-weights and multiplies in float16.
+Weights of fewer bits need less memory, and fewer bytes must move. But products are counted at the float16 rate, because a provider unpacks the
+weights and multiplies in float16. The low end assumes that it unpacks each matrix into memory, so that a pass also writes all of them there and
+reads them again. The high end and the limit assume that it unpacks them within the product.
 
 Data sheets do not say what share of its peak a GPU reaches. `published.py` lists every rate of Waypoint-1.5 that others published with the
 GPU's name; the worst and the best of those in 16 bits bound the estimate. Rates that were measured with Cairn come from reports
@@ -25,7 +26,7 @@ from .geometry import PRESETS, Geometry
 from .graph import Graph
 from .measured import PRESET, WORLD, Measured, Reports, is_same
 from .published import POINTS, Point
-from .quantise import Quantisation, unpacked_bytes
+from .quantise import Quantisation, unpacked_bytes, unpacked_numbers
 from .table import activation_peak, ring_bytes, slab_bytes, weight_bytes
 from .transformer import build_transformer
 from .writer import build_graphs, layouts
@@ -76,6 +77,8 @@ SLOW_KERNEL_SECONDS = 5e-6
 ELEMENTARY = {"SimplifiedLayerNormalization": 6, "RotaryEmbedding": 16, "FusedMatMul": 3}
 # Latents per second for real time: Waypoint-1.5's, and the miniature's.
 REAL_TIME = 15
+# Bits of weights that worlds are compared in.
+BITS = (16, 8, 4)
 # GPU memory reserved for the game engine.
 ENGINES_SHARE = 0.25
 
@@ -131,6 +134,8 @@ class World:
         self._weights = {kind: weight_bytes({kind: graph}) for kind, graph in self._graphs.items()}
         pictures = 3 * math.prod(g.decoded) * 4
         self.decode = Run(2.0 * multiply_adds(self._graphs["decoder"], {}), self._weights["decoder"] + pictures)
+        # Bytes of all matrices that a pass unpacks, in float16, written once and read once.
+        self._unpacking = 2 * 2 * unpacked_numbers(g, quantisation)
         self._passes: dict[int, Run] = {}
         self._memory: dict[int, float] = {}
 
@@ -181,15 +186,17 @@ class World:
         """Floating-point operations per latent."""
         return sum(number * one.flops for number, one in self.passes(preset)) + self.decode.flops
 
-    def limit(self, gpu: Gpu, preset: Preset) -> float:
-        """Latents per second that no program can exceed."""
-        return 1.0 / (sum(number * one.seconds(gpu) for number, one in self.passes(preset)) + self.decode.seconds(gpu))
+    def limit(self, gpu: Gpu, preset: Preset, unpacks: bool = False) -> float:
+        """Latents per second that no program can exceed, or with `unpacks`, no program that unpacks quantised matrices into memory."""
+        more = self._unpacking if unpacks else 0
+        passes = sum(number * Run(one.flops, one.bytes + more).seconds(gpu) for number, one in self.passes(preset))
+        return 1.0 / (passes + self.decode.seconds(gpu))
 
     def estimate(self, gpu: Gpu, preset: Preset) -> tuple[float, float]:
         """Lowest and highest latents per second to expect of a GPU that does nothing else."""
         limit, nodes, (worst, best) = self.limit(gpu, preset), self.kernels(preset), shares()
         return (
-            min(worst * limit, 1.0 / (SLOW_KERNEL_SECONDS * nodes)),
+            min(worst * self.limit(gpu, preset, unpacks=True), 1.0 / (SLOW_KERNEL_SECONDS * nodes)),
             min(best * limit, 1.0 / (fast_kernel_seconds() * nodes)),
         )
 
@@ -326,6 +333,27 @@ def summary(worlds: list[World]) -> str:
     shown = [(world, p) for world in worlds for p in PRESETS_OF_THE_LIBRARY if p.name in ("stock", "coherence")]
     rows = [(gpu.name, [_cell(world, gpu, p, limit=False) for world, p in shown]) for gpu in GPUS]
     return _markdown([f"{world.name}<br>{p.name}" for world, p in shown], rows)
+
+
+def in_each_precision(name: str, g: Geometry) -> list[World]:
+    """The world with weights in each of `BITS`."""
+    return [World(name, g, None if bits == 16 else Quantisation(bits)) for bits in BITS]
+
+
+def by_bits(worlds: list[list[World]]) -> str:
+    """Memory, and latents per second of every GPU at two presets, of worlds with weights in each of `BITS`, in Markdown."""
+    presets = [preset for preset in PRESETS_OF_THE_LIBRARY if preset.name in ("stock", "coherence")]
+    out = []
+    for same in worlds:
+        width, height = same[0].geometry.decoded
+        shown = [(world, preset) for preset in presets for world in same]
+        columns = [f"{preset.name}<br>{bits} bits" for preset in presets for bits in BITS]
+        rows = [
+            ("memory, GiB", [f"{world.memory(preset.window):.1f}" for world, preset in shown]),
+            *((gpu.name, [_cell(world, gpu, preset, limit=False) for world, preset in shown]) for gpu in GPUS),
+        ]
+        out += [f"### {same[0].name} by bits of its weights, {width} x {height} decoded", "", _markdown(columns, rows), ""]
+    return "\n".join(out)
 
 
 def _markdown(columns: list[str], rows: list[tuple[str, list[str]]]) -> str:
