@@ -28,6 +28,7 @@ mod rollout;
 mod score;
 mod seed_picture;
 mod sweep;
+mod weights;
 mod world_quality;
 
 const EXAMPLES: &str = "\
@@ -104,6 +105,9 @@ enum Command {
     /// A world against the truth of the scenes: how near, how it follows the controls, what it remembers
     #[command(after_help = world_quality::EXAMPLES)]
     WorldQuality(world_quality::WorldQualityArgs),
+    /// A world beside the same one with weights in 8 or 4 bits, in rollouts of a minute
+    #[command(after_help = weights::EXAMPLES)]
+    Weights(weights::WeightsArgs),
     /// Makes more frames a second of a video, or of a folder of pictures
     #[command(after_help = interpolate::EXAMPLES)]
     Interpolate(interpolate::InterpolateArgs),
@@ -140,6 +144,7 @@ impl Command {
             Self::Cadence(args) => args,
             Self::Sweep(args) => args,
             Self::WorldQuality(args) => args,
+            Self::Weights(args) => args,
             Self::Interpolate(args) => args,
             Self::Score(args) => args,
             Self::Pages(args) => args,

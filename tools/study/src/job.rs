@@ -161,9 +161,8 @@ fn first_manifest(
             onnxruntime: Some(loaded.ort.version().into()),
             device: Some(device.describe()),
             threads: Some(device.threads()),
-            generator: checked.generator.to_string(),
             adapter: machine::adapter(device, checked.generator),
-            ..Versions::of_this_program()
+            ..Versions::without_world(checked.generator)
         },
         timings: BTreeMap::new(),
     })

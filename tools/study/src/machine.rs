@@ -39,7 +39,7 @@ pub struct Versions {
     pub os: String,
     /// Processor architecture.
     pub architecture: String,
-    /// Name of the processor.
+    /// Name of the processor; on Windows its family, model and stepping.
     pub cpu: String,
     /// CPU features by which kernels are selected.
     pub cpu_features: Vec<String>,
@@ -68,15 +68,15 @@ pub struct LibraryVersion {
 }
 
 impl Versions {
-    /// This program on this machine, without a world.
-    pub(crate) fn of_this_program() -> Self {
+    /// Those of this program, with `generator`, and of this machine; the fields of a world are empty.
+    pub(crate) fn without_world(generator: GeneratorChoice) -> Self {
         Self {
             cairn: env!("CARGO_PKG_VERSION").into(),
             source: Source::of_this_program(),
             onnxruntime: None,
             encoder: media::ENCODER.into(),
             encoder_assembly: media::ASSEMBLY,
-            generator: GeneratorChoice::Cpu.to_string(),
+            generator: generator.to_string(),
             device: None,
             threads: None,
             adapter: None,
@@ -101,13 +101,14 @@ pub(crate) fn libraries() -> Vec<LibraryVersion> {
     .collect()
 }
 
-/// None on other systems: worlds run on the CPU there, and ONNX Runtime has its own entry.
+/// Empty on other systems, whose libraries state no version in their files. ONNX Runtime has its own entry.
 #[cfg(not(windows))]
 pub(crate) fn libraries() -> Vec<LibraryVersion> {
     Vec::new()
 }
 
-/// Adapter of the world, or else of its generator: the system's first that is not a software adapter.
+/// Adapter of a world on Direct3D 12, or else of a generator on it: the system's first one, a software adapter only if there is no other. `None` for
+/// worlds on WebGPU, whose device's description names the adapter.
 #[cfg(windows)]
 pub(crate) fn adapter(world: &Device, generator: GeneratorChoice) -> Option<AdapterVersion> {
     let adapter = match world.gpu() {
@@ -121,7 +122,7 @@ pub(crate) fn adapter(world: &Device, generator: GeneratorChoice) -> Option<Adap
     Some(AdapterVersion { name: adapter.description, driver: adapter.driver })
 }
 
-/// None on other systems.
+/// None on other systems, which have no Direct3D 12.
 #[cfg(not(windows))]
 pub(crate) fn adapter(_: &Device, _: GeneratorChoice) -> Option<AdapterVersion> {
     None
@@ -132,11 +133,11 @@ pub(crate) fn adapter(_: &Device, _: GeneratorChoice) -> Option<AdapterVersion> 
 fn os() -> String {
     let cairn::gpu::System { build, wine } = cairn::gpu::System::current();
     let build = build.map(|[major, minor, build]| format!(" {major}.{minor}.{build}")).unwrap_or_default();
-    let wine = wine.map(|version| format!(", played by Wine {version}")).unwrap_or_default();
+    let wine = wine.map(|version| format!(", on Wine {version}")).unwrap_or_default();
     format!("Windows{build}{wine}")
 }
 
-/// The operating system, e.g. `Debian GNU/Linux 12 (bookworm), Linux 6.1.0`.
+/// The operating system, e.g. `Debian GNU/Linux 12 (bookworm), linux 6.1.0`.
 #[cfg(not(windows))]
 fn os() -> String {
     let read = |path| std::fs::read_to_string(path).unwrap_or_default();
@@ -149,7 +150,7 @@ fn os() -> String {
     }
 }
 
-/// Name of the processor.
+/// Name of the processor; on Windows its family, model and stepping.
 fn cpu() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = info.lines().find_map(|l| l.strip_prefix("model name")?.split_once(':').map(|(_, name)| name.trim()));

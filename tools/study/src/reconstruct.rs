@@ -331,7 +331,7 @@ fn first_manifest(settings: &ReconstructSettings, planned: u64) -> Result<Recons
         counts: ReconstructCounts { planned, ..ReconstructCounts::default() },
         scores: None,
         outputs: Vec::new(),
-        versions: Versions::of_this_program(),
+        versions: Versions::without_world(settings.generator),
         timings: BTreeMap::new(),
     })
 }

@@ -10,15 +10,23 @@ use sha2::{Digest, Sha256};
 use crate::python::{python_env, python_path, text};
 use crate::{Error, Progress, Result, cache, process, repository};
 
-/// The worlds that can be made: four of random weights for tests, one for the demo, `tiny` with a float32 residual stream in f16, and the
-/// embedded world in 8 and in 4 bits.
+/// The worlds that tests use: four of random weights, one for the demo, `tiny` with a float32 residual stream in f16, and the embedded world in 8
+/// and in 4 bits.
 pub const BUNDLES: [&str; 8] =
     ["tiny", "window", "stream", "joined", "demo", "tiny-residual", "miniature-8bit", "miniature-4bit"];
+
+/// The embedded world with smaller weights: in 8 bits, in 8 bits with activations in 8 bits, in 4 bits, and in 4 bits except for the two thirds of
+/// the matrices that keep a pass's error below 1 % when they stay in 16.
+pub const SMALL_WEIGHTS: [&str; 4] =
+    ["miniature-8bit", "miniature-8bit-activations", "miniature-4bit", "miniature-4bit-mixed"];
+
+/// The matrices of `miniature-4bit-mixed` that stay in 16 bits.
+const MIXED: &str = "blocks.0,blocks.5,blocks.6,blocks.7,blocks.1.attn,blocks.2.attn,blocks.3.attn,blocks.4.attn";
 
 /// The world inside the library.
 const EMBEDDED: &str = "samples/worlds/miniature.cairn";
 
-/// The directory of the world `name`, one of [`BUNDLES`]; built on first use.
+/// The directory of the world `name`, one of [`BUNDLES`] or [`SMALL_WEIGHTS`]; built on first use.
 ///
 /// A built world is kept as long as the builder's sources and the embedded world stay the same, to the byte.
 ///
@@ -26,10 +34,10 @@ const EMBEDDED: &str = "samples/worlds/miniature.cairn";
 /// An unknown name, no Python environment, or a builder that fails.
 pub fn bundle(name: &str, progress: &dyn Progress) -> Result<PathBuf> {
     let wanted = format!("the test world \"{name}\"");
-    if !BUNDLES.contains(&name) {
-        let remedy = format!("Ask for one of {}", BUNDLES.join(", "));
+    let Some((source, options)) = recipe(name) else {
+        let remedy = format!("Ask for one of {}, {}", BUNDLES.join(", "), SMALL_WEIGHTS.join(", "));
         return Err(Error::new(wanted, "there is no such world", remedy));
-    }
+    };
     let key = key()?;
     let folder = cache::cache_dir()?.join("bundles").join(&key).join(name);
     let complete = folder.join("cairn-world.json");
@@ -48,17 +56,11 @@ pub fn bundle(name: &str, progress: &dyn Progress) -> Result<PathBuf> {
     let unfinished = scratch.join(name);
     let mut command = Command::new(interpreter);
     command.args(["-m", "cairn.build"]);
-    match name.strip_prefix("miniature-").and_then(|bits| bits.strip_suffix("bit")) {
-        Some(bits) => {
-            command.arg("quantise").arg(repository().join(EMBEDDED)).args(["--weights", bits]);
-        }
-        None => {
-            command.args(["random", "--preset", name.trim_end_matches("-residual")]);
-            if name.ends_with("-residual") {
-                command.args(["--residual", "float32"]);
-            }
-        }
-    }
+    match source {
+        Source::Random(preset) => command.args(["random", "--preset", preset]),
+        Source::Embedded => command.arg("quantise").arg(repository().join(EMBEDDED)),
+    };
+    command.args(options);
     command.args(["--out", text(&unfinished)?]).env("PYTHONPATH", python_path()).env("PYTHONDONTWRITEBYTECODE", "1");
     let outcome = process::run(&mut command, |line| progress.detail(line)).map_err(|e| Error::io(&scratch, &e))?;
     if !outcome.status.success() {
@@ -78,6 +80,31 @@ pub fn bundle(name: &str, progress: &dyn Progress) -> Result<PathBuf> {
     Ok(folder)
 }
 
+/// What a world is made of.
+enum Source {
+    /// Random weights and the shapes of a preset.
+    Random(&'static str),
+    /// The embedded world.
+    Embedded,
+}
+
+/// How the world `name` is made: of what, and with which options of the builder; `None` if there is no such world.
+fn recipe(name: &str) -> Option<(Source, &'static [&'static str])> {
+    Some(match name {
+        "tiny" => (Source::Random("tiny"), &[]),
+        "window" => (Source::Random("window"), &[]),
+        "stream" => (Source::Random("stream"), &[]),
+        "joined" => (Source::Random("joined"), &[]),
+        "demo" => (Source::Random("demo"), &[]),
+        "tiny-residual" => (Source::Random("tiny"), &["--residual", "float32"]),
+        "miniature-8bit" => (Source::Embedded, &["--weights", "8"]),
+        "miniature-8bit-activations" => (Source::Embedded, &["--weights", "8", "--activations", "8"]),
+        "miniature-4bit" => (Source::Embedded, &["--weights", "4"]),
+        "miniature-4bit-mixed" => (Source::Embedded, &["--weights", "4", "--keep-16", MIXED]),
+        _ => return None,
+    })
+}
+
 /// Builds every world of [`BUNDLES`] and returns the directory that has one folder per world.
 ///
 /// # Errors
@@ -89,7 +116,7 @@ pub fn test_bundles(progress: &dyn Progress) -> Result<PathBuf> {
     Ok(cache::cache_dir()?.join("bundles").join(key()?))
 }
 
-/// Cache key of all worlds: of the builder, and of the embedded world.
+/// Cache key of all worlds: of the builder, its options, and the embedded world.
 fn key() -> Result<String> {
     // The archive begins with the manifest, which has the checksums of all other files.
     const BEGINNING: u64 = 16 << 10;
@@ -100,6 +127,10 @@ fn key() -> Result<String> {
         .map_err(|e| Error::io(&world, &e))?;
     let mut hash = Sha256::new();
     hash.update(builder_key(&python_path())?);
+    for name in BUNDLES.iter().chain(&SMALL_WEIGHTS) {
+        let options = recipe(name).map_or(&[][..], |(_, options)| options);
+        hash.update(format!("{name} {}\n", options.join(" ")));
+    }
     hash.update(beginning);
     Ok(cache::hex(&hash.finalize())[..16].to_owned())
 }
@@ -151,6 +182,13 @@ mod tests {
                     .contains("tiny, window, stream, joined, demo, tiny-residual, miniature-8bit, miniature-4bit"),
             "{refused}"
         );
+    }
+
+    #[test]
+    fn every_named_world_has_a_command() {
+        for name in BUNDLES.iter().chain(&SMALL_WEIGHTS) {
+            assert!(recipe(name).is_some(), "{name}");
+        }
     }
 
     #[test]

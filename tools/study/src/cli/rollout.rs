@@ -168,17 +168,22 @@ pub(super) fn make(settings: &Settings, out: &Path, overwrite: bool, quiet: bool
     Ok(status(outcome.failure.as_ref(), outcome.interrupted, [counts.presented, counts.planned], out))
 }
 
+/// The preset of that name.
+///
+/// # Errors
+/// `InvalidArgument`.
+pub(super) fn preset(name: &str) -> Result<Preset> {
+    Preset::from_name(name).ok_or_else(|| {
+        let names: Vec<&str> = Preset::ALL.iter().map(|preset| preset.name()).collect();
+        Error::new(ErrorKind::InvalidArgument, format!("there is no preset {name:?}"))
+            .field("--preset")
+            .remedy(format!("Use one of {}", names.join(", ")))
+    })
+}
+
 /// A preset with single items changed.
 fn operating_point(args: &PointArgs) -> Result<OperatingPoint> {
-    let preset = match args.preset.as_deref() {
-        None => Preset::Coherence,
-        Some(name) => Preset::from_name(name).ok_or_else(|| {
-            let names: Vec<&str> = Preset::ALL.iter().map(|preset| preset.name()).collect();
-            Error::new(ErrorKind::InvalidArgument, format!("there is no preset {name:?}"))
-                .field("--preset")
-                .remedy(format!("Use one of {}", names.join(", ")))
-        })?,
-    };
+    let preset = args.preset.as_deref().map_or(Ok(Preset::Coherence), preset)?;
     let mut point = preset.operating_point();
     let named = |option: &'static str| move |error: Error| error.field(option);
     if let Some(context) = &args.context {

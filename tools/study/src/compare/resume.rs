@@ -113,6 +113,7 @@ mod tests {
     use super::*;
     use crate::compare::branch::Branch;
     use crate::compare::plan::{Cell, tests::settings};
+    use crate::generator::GeneratorChoice;
     use crate::machine::Versions;
     use crate::manifest::{Counts, MANIFEST_VERSION, Output, to_json};
 
@@ -145,7 +146,7 @@ mod tests {
                 size: 3,
                 sha256: "x".into(),
             }],
-            versions: Versions::of_this_program(),
+            versions: Versions::without_world(GeneratorChoice::Cpu),
             timings: BTreeMap::new(),
         }
     }

@@ -12,6 +12,7 @@ pub(crate) mod cells;
 pub(crate) mod files;
 pub(crate) mod held_out;
 pub(crate) mod provenance;
+pub(crate) mod result_cache;
 pub(crate) mod tiles;
 
 use std::path::PathBuf;

@@ -30,13 +30,14 @@ struct Page {
 }
 
 /// All of them.
-const PAGES: [Page; 8] = [
+const PAGES: [Page; 9] = [
     Page { path: "quality.md", command: "study quality --speed --publish" },
     Page { path: "quality-sealed.md", command: "study quality --sealed --rows all --publish" },
     Page { path: "generator-rules.md", command: "study ablate --publish" },
     Page { path: "motion.md", command: "study motion --publish" },
     Page { path: "cadence.md", command: "study cadence --publish" },
     Page { path: "world.md", command: "study world-quality --publish" },
+    Page { path: "weights.md", command: "study weights --publish" },
     Page { path: "report/report.md", command: "study compare --publish docs/report" },
     Page { path: "sweeps/paper.md", command: "study sweep tools/study/sweeps/paper.toml --publish docs/sweeps" },
 ];

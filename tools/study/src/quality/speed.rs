@@ -22,6 +22,7 @@ use super::claims::{Claim, Verdict};
 use super::clips::{Clip, Scale, SceneClip};
 use super::rows::minterpolate::Minterpolate;
 use super::store::Store;
+use crate::generator::GeneratorChoice;
 use crate::machine::Versions;
 use crate::progress::Progress;
 use filter::{Filter, intervals};
@@ -184,7 +185,7 @@ pub(super) fn measure(store: &Store, progress: &Progress, stop: &AtomicBool) -> 
         other_scenes.push((format!("{family}-{SEED}"), time_all(timed, none, stop)?.0));
     }
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let Versions { cpu, optimised_build, .. } = Versions::of_this_program();
+    let Versions { cpu, optimised_build, .. } = Versions::without_world(GeneratorChoice::Cpu);
     let build = if optimised_build { "" } else { ", by a build with its checks on, which is slower" };
     Ok(Speed { lines, filter_times, other_scenes, machine: format!("{cpu}, {cores} logical cores{build}") })
 }

@@ -3,7 +3,7 @@
 use super::discrepancy::{discrepancy, median_distance};
 use super::endurance::{self, Second, second};
 use super::place::{Group, Place, kind};
-use super::response::{Axis, ControlFit, following};
+use super::response::{Axis, ControlFit, control_fit};
 use super::walk::{Horizon, PoseScore, Sample, Shown, WalkScores};
 use crate::statistics::{Estimate, estimate, estimate_median};
 
@@ -179,7 +179,7 @@ impl Results {
 
     /// Mean of a value of how each walk follows its controls.
     pub(super) fn control(&self, row: Row, axis: Axis, of: impl Fn(&ControlFit) -> f64) -> Option<Estimate> {
-        self.mean(row, |walked| following(&walked.responses, axis).as_ref().map(&of))
+        self.mean(row, |walked| control_fit(&walked.responses, axis).as_ref().map(&of))
     }
 }
 

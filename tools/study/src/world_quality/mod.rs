@@ -20,6 +20,7 @@ mod response;
 mod sheet;
 mod store;
 mod walk;
+pub mod weights;
 
 use std::sync::atomic::AtomicBool;
 

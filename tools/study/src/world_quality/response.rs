@@ -72,20 +72,20 @@ pub(super) struct ControlFit {
     pub(super) same_sign: f64,
 }
 
-/// Smaller true motions, in pixels, are not used for the sign comparison.
-const STILL: f64 = 0.5;
+/// Smaller true motions, in pixels, say nothing about the sign.
+const MIN_TRUE_MOTION: f64 = 0.5;
 /// True speed in pixels a step below which a walker stands still.
 const STANDING: f64 = 0.1;
 
-/// How the steps follow along `axis`. None where the truth does not move.
-pub(super) fn following(steps: &[Response], axis: Axis) -> Option<ControlFit> {
+/// How the steps follow along `axis`. `None` if the true motion is constant, or below [`MIN_TRUE_MOTION`] in every step.
+pub(super) fn control_fit(steps: &[Response], axis: Axis) -> Option<ControlFit> {
     let pairs = || steps.iter().map(|r| (axis.of(&r.seen), axis.of(&r.meant)));
     let n = steps.len() as f64;
     let (seen_sum, meant_sum) = pairs().fold((0.0, 0.0), |(a, b), (s, m)| (a + s, b + m));
     let (seen_mean, meant_mean) = (seen_sum / n, meant_sum / n);
     let centred = |f: fn(f64, f64) -> f64| pairs().map(|(s, m)| f(s - seen_mean, m - meant_mean)).sum::<f64>();
     let (both, seen_all, meant_all) = (centred(|s, m| s * m), centred(|s, _| s * s), centred(|_, m| m * m));
-    let moving: Vec<_> = pairs().filter(|(_, m)| m.abs() >= STILL).collect();
+    let moving: Vec<_> = pairs().filter(|(_, m)| m.abs() >= MIN_TRUE_MOTION).collect();
     if moving.is_empty() || meant_all <= f64::EPSILON {
         return None;
     }
@@ -120,26 +120,26 @@ mod tests {
     #[test]
     fn half_the_motion_correlates_fully_and_is_called_half() {
         let half = steps(&[(0.0, 0.0), (2.0, 4.0), (-1.0, -2.0), (0.5, 1.0)]);
-        let found = following(&half, Axis::Turning).unwrap();
+        let found = control_fit(&half, Axis::Turning).unwrap();
         assert!((found.correlation - 1.0).abs() < 1e-12 && (found.slope - 0.5).abs() < 1e-12, "{found:?}");
         assert_eq!(found.same_sign, 1.0);
-        assert_eq!(following(&half, Axis::Tilting), None);
-        assert_eq!(following(&half, Axis::Walking), None);
+        assert_eq!(control_fit(&half, Axis::Tilting), None);
+        assert_eq!(control_fit(&half, Axis::Walking), None);
     }
 
     #[test]
     fn the_wrong_way_and_no_way_are_told_apart() {
-        let wrong = following(&steps(&[(-3.0, 3.0), (1.0, -1.0), (0.2, -0.1)]), Axis::Turning).unwrap();
+        let wrong = control_fit(&steps(&[(-3.0, 3.0), (1.0, -1.0), (0.2, -0.1)]), Axis::Turning).unwrap();
         assert!(wrong.correlation < -0.99 && wrong.slope < -0.9 && wrong.same_sign == 0.0, "{wrong:?}");
-        let frozen = following(&steps(&[(0.0, 3.0), (0.0, -1.0)]), Axis::Turning).unwrap();
+        let frozen = control_fit(&steps(&[(0.0, 3.0), (0.0, -1.0)]), Axis::Turning).unwrap();
         assert_eq!((frozen.correlation, frozen.slope, frozen.same_sign), (0.0, 0.0, 0.0));
     }
 
     #[test]
     fn a_truth_that_stands_still_says_nothing_but_how_still_the_world_is() {
         let restless = steps(&[(1.0, 0.0), (2.0, 0.0), (9.0, 5.0)]);
-        assert_eq!(following(&restless[..2], Axis::Turning), None);
-        assert_eq!(following(&[], Axis::Turning), None);
+        assert_eq!(control_fit(&restless[..2], Axis::Turning), None);
+        assert_eq!(control_fit(&[], Axis::Turning), None);
         assert_eq!((standing_speed(&restless), standing_speed(&restless[2..])), (Some(1.5), None));
     }
 

@@ -1,43 +1,25 @@
 //! Keeps finished walks, so that a measurement that was stopped goes on where it was.
 
-use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use cairn::{Picture, Result};
-use serde::{Deserialize, Serialize};
 
 use super::place::Place;
 use super::walk::{Shown, WalkScores};
-use crate::experiment::files::write_all;
-use crate::manifest::sha256;
+use crate::experiment::result_cache::{ResultCache, read};
 use crate::picture::{decode, paste};
-use media::{describe_io, encode_png};
+use media::encode_png;
 
 /// Changes when walks are measured in another way.
 const VERSION: u32 = 1;
 
-/// A kept walk.
-#[derive(Serialize, Deserialize)]
-struct Kept {
-    key: String,
-    scores: WalkScores,
-}
-
 /// The folder of kept walks.
-pub(super) struct Store {
-    folder: PathBuf,
-    key: String,
-}
+pub(super) struct Store(ResultCache);
 
 impl Store {
     /// Walks in `folder` that were measured with exactly the inputs that `parts` describe.
     pub(super) fn new(folder: PathBuf, parts: &[String]) -> Self {
-        Self { folder, key: sha256(format!("{VERSION}\n{}", parts.join("\n")).as_bytes()) }
-    }
-
-    fn path(&self, place: Place, extension: &str) -> PathBuf {
-        self.folder.join(format!("{}.{extension}", place.key()))
+        Self(ResultCache::new(folder, VERSION, parts))
     }
 
     /// The walk through `place`, with its pictures; `None` unless it was kept whole.
@@ -45,15 +27,13 @@ impl Store {
     /// # Errors
     /// `Io`.
     pub(super) fn find(&self, place: Place) -> Result<Option<(WalkScores, Shown)>> {
-        let (Some(text), Some(picture)) = (read(&self.path(place, "json"))?, read(&self.path(place, "png"))?) else {
+        let name = place.key();
+        let (Some(scores), Some(picture)) = (self.0.find::<WalkScores>(&name)?, read(&self.0.path(&name, "png"))?)
+        else {
             return Ok(None);
         };
-        let Some(kept) = serde_json::from_slice(&text).ok().filter(|kept: &Kept| kept.key == self.key) else {
-            return Ok(None);
-        };
-        let strip = decode(&picture)?;
-        let shown = columns(&strip, kept.scores.horizons.len())?;
-        Ok(Some((kept.scores, shown)))
+        let shown = columns(&decode(&picture)?, scores.horizons.len())?;
+        Ok(Some((scores, shown)))
     }
 
     /// Keeps a walk.
@@ -61,19 +41,9 @@ impl Store {
     /// # Errors
     /// `Io`.
     pub(super) fn keep(&self, place: Place, scores: &WalkScores, shown: &Shown) -> Result<()> {
-        let kept = Kept { key: self.key.clone(), scores: scores.clone() };
-        let text = serde_json::to_vec(&kept).map_err(|e| describe_io("cannot be written", &self.folder, &e.into()))?;
-        // The record is written last: a walk with a record has its pictures.
-        write_all(vec![(self.path(place, "png"), encode_png(&strip(shown)?)?), (self.path(place, "json"), text)])
-            .map(drop)
-    }
-}
-
-fn read(path: &Path) -> Result<Option<Vec<u8>>> {
-    match fs::read(path) {
-        Ok(bytes) => Ok(Some(bytes)),
-        Err(e) if e.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(e) => Err(describe_io("cannot be read", path, &e)),
+        let name = place.key();
+        let picture = (self.0.path(&name, "png"), encode_png(&strip(shown)?)?);
+        self.0.store(&name, scores, vec![picture])
     }
 }
 

@@ -7,12 +7,17 @@ use std::sync::atomic::AtomicBool;
 use media::{FileSystem, RealDisk};
 use study::{Formats, Job, Manifest, Outcome, Progress, Settings, run_job};
 
-/// The random world `tiny`, an absolute path: in the folder that `CAIRN_TEST_BUNDLE` names, else the one `cargo xtask setup` keeps.
+/// The random world `tiny`, an absolute path.
 pub fn tiny() -> PathBuf {
+    test_world("tiny")
+}
+
+/// One of the tests' worlds, an absolute path: in the folder that `CAIRN_TEST_BUNDLE` names, else the one `cargo xtask setup` keeps.
+pub fn test_world(name: &str) -> PathBuf {
     match std::env::var_os("CAIRN_TEST_BUNDLE").filter(|folder| !folder.is_empty()) {
         // With its drive on Windows, as plans that name it lie on another.
-        Some(folder) => std::path::absolute(PathBuf::from(folder).join("tiny")).expect("a path"),
-        None => provision::bundle("tiny", &provision::Console::new()).unwrap_or_else(|e| panic!("{e}")),
+        Some(folder) => std::path::absolute(PathBuf::from(folder).join(name)).expect("a path"),
+        None => provision::bundle(name, &provision::Console::new()).unwrap_or_else(|e| panic!("{e}")),
     }
 }
 
