@@ -5,6 +5,15 @@ use std::thread::ThreadId;
 
 use crate::locks::{Condvar, Mutex};
 
+/// How a call shares an object with other calls.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum CallKind {
+    /// It may run at the same time as any other.
+    Concurrent,
+    /// It may run at the same time as concurrent calls, and not as another serialized one.
+    Serialized,
+}
+
 /// The calls that are using an object, by thread. Its lock is never held while foreign code runs.
 #[derive(Debug, Default)]
 pub(super) struct Gate {
@@ -17,30 +26,31 @@ pub(super) struct Gate {
 struct ActiveCalls {
     /// The thread of each call; a thread with nested calls is in it several times.
     threads: Vec<ThreadId>,
-    /// Whether one of them is an exclusive call.
-    exclusive: bool,
+    /// Whether one of them is serialized.
+    has_serialized: bool,
 }
 
 impl Gate {
-    /// Enters a call; `false` if it is exclusive and another exclusive call is active.
-    pub(super) fn enter(&self, exclusive: bool) -> bool {
+    /// Enters a call; `false` if it is serialized and another such call is active.
+    pub(super) fn enter(&self, kind: CallKind) -> bool {
+        let is_serialized = kind == CallKind::Serialized;
         let mut calls = self.calls.lock();
-        if exclusive && calls.exclusive {
+        if is_serialized && calls.has_serialized {
             return false;
         }
-        calls.exclusive |= exclusive;
+        calls.has_serialized |= is_serialized;
         calls.threads.push(counted_thread());
         true
     }
 
-    /// Leaves a call that entered with the same `exclusive`.
-    pub(super) fn leave(&self, exclusive: bool) {
+    /// Leaves a call that entered with the same `kind`.
+    pub(super) fn leave(&self, kind: CallKind) {
         let thread = counted_thread();
         let mut calls = self.calls.lock();
         if let Some(at) = calls.threads.iter().rposition(|active| *active == thread) {
             calls.threads.swap_remove(at);
         }
-        calls.exclusive &= !exclusive;
+        calls.has_serialized &= kind != CallKind::Serialized;
         if calls.threads.is_empty() {
             self.empty.notify_all();
         }
@@ -76,17 +86,18 @@ fn counted_thread() -> ThreadId {
 
 #[cfg(test)]
 mod tests {
+    use super::CallKind::{Concurrent, Serialized};
     use super::*;
 
     #[test]
-    fn one_exclusive_call_and_any_number_of_shared_calls() {
+    fn one_serialized_call_and_any_number_of_concurrent_calls() {
         let gate = Gate::default();
-        assert!(gate.enter(true) && gate.enter(false) && gate.enter(false));
-        assert!(!gate.enter(true));
-        gate.leave(false);
-        assert!(!gate.enter(true));
-        gate.leave(true);
-        assert!(gate.enter(true) && gate.has_call_of_this_thread());
+        assert!(gate.enter(Serialized) && gate.enter(Concurrent) && gate.enter(Concurrent));
+        assert!(!gate.enter(Serialized));
+        gate.leave(Concurrent);
+        assert!(!gate.enter(Serialized));
+        gate.leave(Serialized);
+        assert!(gate.enter(Serialized) && gate.has_call_of_this_thread());
         std::thread::scope(|scope| {
             scope.spawn(|| assert!(!gate.has_call_of_this_thread()));
         });
@@ -96,7 +107,7 @@ mod tests {
     fn wait_empty_waits_for_active_calls() {
         let gate = Gate::default();
         let waited = AtomicBool::new(false);
-        assert!(gate.enter(false));
+        assert!(gate.enter(Concurrent));
         std::thread::scope(|scope| {
             scope.spawn(|| {
                 gate.wait_empty();
@@ -104,7 +115,7 @@ mod tests {
             });
             std::thread::sleep(std::time::Duration::from_millis(20));
             waited.store(true, Ordering::SeqCst);
-            gate.leave(false);
+            gate.leave(Concurrent);
         });
     }
 }

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use crate::locks::{Mutex, MutexGuard, RwLock};
 
-use super::gate::Gate;
+use super::gate::{CallKind, Gate};
 use super::results::{
     CAIRN_ERROR_BUSY, CAIRN_ERROR_INVALID_HANDLE, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_ERROR_POISONED, CAIRN_OK, Failure,
     Outcome,
@@ -87,13 +87,13 @@ pub(super) struct ObjectGuard<T> {
     // Dropped before the gate is left, so that the thread that waits there to destroy the object has the last reference.
     object: Arc<T>,
     is_nested: bool,
-    _call: ActiveCall,
+    _call: CallGuard,
 }
 
 /// A call that has entered a gate, and leaves it when dropped.
-struct ActiveCall {
+struct CallGuard {
     gate: Arc<Gate>,
-    exclusive: bool,
+    kind: CallKind,
     was_panicking: bool,
 }
 
@@ -108,7 +108,7 @@ impl<T> ObjectGuard<T> {
         if !self.is_nested {
             return Ok(part.lock());
         }
-        part.try_lock().ok_or_else(in_use)
+        part.try_lock().ok_or_else(busy_in_callback)
     }
 
     /// Shares ownership of the object, which then outlives its handle.
@@ -118,7 +118,7 @@ impl<T> ObjectGuard<T> {
 }
 
 /// The failure of a callback that needs a lock of the call it comes from.
-pub(super) fn in_use() -> Failure {
+pub(super) fn busy_in_callback() -> Failure {
     Failure::new(CAIRN_ERROR_BUSY, "the object is in use: this is a callback of a call on it")
         .remedy("Call it after that call")
 }
@@ -131,16 +131,16 @@ impl<T> Deref for ObjectGuard<T> {
     }
 }
 
-impl Drop for ActiveCall {
+impl Drop for CallGuard {
     fn drop(&mut self) {
         if std::thread::panicking() && !self.was_panicking {
             self.gate.poison();
         }
-        self.gate.leave(self.exclusive);
+        self.gate.leave(self.kind);
     }
 }
 
-/// Puts an object, of which others may have references, into the table. The caller destroys the handle.
+/// Inserts an object, which may be shared, and returns its handle. The caller destroys the handle.
 pub(super) fn insert<H: Handle>(object: impl Into<Arc<H::Object>>) -> Outcome<*mut H> {
     let full = || {
         Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, "there is no room for another handle").remedy("Destroy some objects")
@@ -167,15 +167,15 @@ pub(super) fn insert<H: Handle>(object: impl Into<Arc<H::Object>>) -> Outcome<*m
 
 /// Gets the object of `handle` for a call that may run at the same time as others.
 pub(super) fn enter<H: Handle>(handle: *const H) -> Outcome<ObjectGuard<H::Object>> {
-    start_call(handle, false)
+    start_call(handle, CallKind::Concurrent)
 }
 
-/// Gets the object of `handle` for a call that excludes other exclusive calls.
-pub(super) fn enter_exclusive<H: Handle>(handle: *mut H) -> Outcome<ObjectGuard<H::Object>> {
-    start_call(handle.cast_const(), true)
+/// Gets the object of `handle` for a call that excludes other serialized calls.
+pub(super) fn enter_serialized<H: Handle>(handle: *mut H) -> Outcome<ObjectGuard<H::Object>> {
+    start_call(handle.cast_const(), CallKind::Serialized)
 }
 
-fn start_call<H: Handle>(handle: *const H, exclusive: bool) -> Outcome<ObjectGuard<H::Object>> {
+fn start_call<H: Handle>(handle: *const H, kind: CallKind) -> Outcome<ObjectGuard<H::Object>> {
     let table = TABLE.read();
     let entry = table.find(handle)?;
     let (gate, object) = (entry.gate.clone(), entry.object.clone());
@@ -187,17 +187,14 @@ fn start_call<H: Handle>(handle: *const H, exclusive: bool) -> Outcome<ObjectGua
         .remedy("Destroy it"));
     }
     let is_on_own_thread = object.is_on_own_thread();
-    let object = (object as Arc<dyn Any + Send + Sync>).downcast().map_err(|_| no_handle::<H>("is of another kind"))?;
+    let object =
+        (object as Arc<dyn Any + Send + Sync>).downcast().map_err(|_| invalid_handle::<H>("is of another kind"))?;
     // Still under the table's lock, so that destroying on another thread either comes first or waits for this call.
     let is_nested = gate.has_call_of_this_thread() || is_on_own_thread;
-    if exclusive && is_on_own_thread || !gate.enter(exclusive) {
+    if kind == CallKind::Serialized && is_on_own_thread || !gate.enter(kind) {
         return Err(busy::<H>("another call is using it"));
     }
-    Ok(ObjectGuard {
-        object,
-        is_nested,
-        _call: ActiveCall { gate, exclusive, was_panicking: std::thread::panicking() },
-    })
+    Ok(ObjectGuard { object, is_nested, _call: CallGuard { gate, kind, was_panicking: std::thread::panicking() } })
 }
 
 /// Destroys a handle: later calls do not find it, and this waits for calls in flight. The object is dropped when no other object
@@ -224,15 +221,15 @@ pub(super) fn destroy<H: Handle>(handle: *mut H) -> Outcome {
 impl Table {
     fn find<H: Handle>(&self, handle: *const H) -> Outcome<&Entry> {
         if handle.is_null() {
-            return Err(no_handle::<H>("is null"));
+            return Err(invalid_handle::<H>("is null"));
         }
         let (kind, generation, slot) = decode(handle);
         let slot = self.slots.get(slot).filter(|slot| slot.generation == generation);
         match slot.and_then(|slot| slot.entry.as_ref()) {
-            Some(entry) if kind != entry.kind as u8 => Err(no_handle::<H>("never was one")),
-            Some(entry) if entry.kind != H::KIND => Err(no_handle::<H>("is of another kind")),
+            Some(entry) if kind != entry.kind as u8 => Err(invalid_handle::<H>("never was one")),
+            Some(entry) if entry.kind != H::KIND => Err(invalid_handle::<H>("is of another kind")),
             Some(entry) => Ok(entry),
-            None => Err(no_handle::<H>("was destroyed, or never was one")),
+            None => Err(invalid_handle::<H>("was destroyed, or never was one")),
         }
     }
 
@@ -259,7 +256,7 @@ fn decode<H>(handle: *const H) -> (u8, u32, usize) {
     ((value >> (SLOT_BITS + GENERATION_BITS)) as u8, (value >> SLOT_BITS) as u32, value & ((1 << SLOT_BITS) - 1))
 }
 
-fn no_handle<H: Handle>(why: &str) -> Failure {
+fn invalid_handle<H: Handle>(why: &str) -> Failure {
     Failure::new(CAIRN_ERROR_INVALID_HANDLE, format!("the handle of a {} {why}", H::NAME))
 }
 

@@ -7,7 +7,7 @@ use crate::locks::Mutex;
 use crate::quiet_mutex;
 
 use super::boundary::call;
-use super::gate::Gate;
+use super::gate::{CallKind, Gate};
 use super::results::{CAIRN_ERROR_BUSY, CAIRN_ERROR_UNSUPPORTED, CAIRN_OK, Failure, cairn_result};
 
 /// No messages.
@@ -111,12 +111,12 @@ impl log::Log for CallbackLogger {
             let accepts = |sink: &&Arc<Sink>| record.level() <= sink.filter && !sink.gate.has_call_of_this_thread();
             let Some(sink) = current.as_ref().filter(accepts) else { return };
             // Under the lock, so that a thread that replaces the callback waits for this call.
-            sink.gate.enter(false);
+            sink.gate.enter(CallKind::Concurrent);
             sink.clone()
         };
         // SAFETY: both texts end in a NUL and live through the call; the rest is the host's promise.
         unsafe { (sink.callback)(number(record.level()), target.as_ptr().cast(), message.as_ptr().cast(), sink.user) };
-        sink.gate.leave(false);
+        sink.gate.leave(CallKind::Concurrent);
     }
 
     fn flush(&self) {}

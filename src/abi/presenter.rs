@@ -7,7 +7,7 @@ use super::boundary::call;
 use super::d3d12::backend::{self, HAS_SHADERS};
 use super::d3d12::types::FrameStatistics;
 use super::guidance::{cairn_guidance, motion_source};
-use super::handles::{Handle, Kind, Object, destroy, enter, enter_exclusive, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter, enter_serialized, insert};
 use super::images::{Target, cairn_target};
 use super::results::{
     CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result,
@@ -299,7 +299,7 @@ pub unsafe extern "C" fn cairn_presenter_draw(
     frame: *mut cairn_frame,
 ) -> cairn_result {
     call("cairn_presenter_draw", || {
-        let object = enter_exclusive(presenter)?;
+        let object = enter_serialized(presenter)?;
         // SAFETY: the host's promise about `frame`.
         let frame = unsafe { Out::optional(frame, "frame") }?;
         if let Some(name) = object.required {

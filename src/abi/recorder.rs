@@ -2,7 +2,7 @@
 
 use super::boundary::call;
 use super::controls::{cairn_controls, read_controls};
-use super::handles::{Handle, Kind, Object, destroy, enter_exclusive, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter_serialized, insert};
 use super::results::{CAIRN_OK, Failure, cairn_result};
 use super::script::{cairn_script, span};
 use super::structs::check_out;
@@ -60,7 +60,7 @@ pub unsafe extern "C" fn cairn_recorder_key(
     down: u32,
 ) -> cairn_result {
     call("cairn_recorder_key", || {
-        let recorder = enter_exclusive(recorder)?;
+        let recorder = enter_serialized(recorder)?;
         let key = u8::try_from(key).map_err(|_| Failure::argument("key", format!("{key} is no virtual-key code")))?;
         if down > 1 {
             return Err(Failure::argument("down", format!("{down} is neither up nor down")).remedy("Use 1 or 0"));
@@ -87,7 +87,7 @@ pub unsafe extern "C" fn cairn_recorder_mouse(
     dy: f32,
 ) -> cairn_result {
     call("cairn_recorder_mouse", || {
-        enter_exclusive(recorder)?.0.lock().mouse(WorldTime::from_micros(microseconds), [dx, dy])?;
+        enter_serialized(recorder)?.0.lock().mouse(WorldTime::from_micros(microseconds), [dx, dy])?;
         Ok(CAIRN_OK)
     })
 }
@@ -108,7 +108,7 @@ pub unsafe extern "C" fn cairn_recorder_scroll(
     notches: i32,
 ) -> cairn_result {
     call("cairn_recorder_scroll", || {
-        enter_exclusive(recorder)?.0.lock().scroll(WorldTime::from_micros(microseconds), notches)?;
+        enter_serialized(recorder)?.0.lock().scroll(WorldTime::from_micros(microseconds), notches)?;
         Ok(CAIRN_OK)
     })
 }
@@ -132,7 +132,7 @@ pub unsafe extern "C" fn cairn_recorder_step(
     controls: *const cairn_controls,
 ) -> cairn_result {
     call("cairn_recorder_step", || {
-        let recorder = enter_exclusive(recorder)?;
+        let recorder = enter_serialized(recorder)?;
         // SAFETY: the host's promise about `controls`.
         let controls = unsafe { read_controls(controls, "controls") }?;
         let (start, end) = span(latent, latents_per_second)?;
@@ -156,7 +156,7 @@ pub unsafe extern "C" fn cairn_recorder_make_script(
     script: *mut *mut cairn_script,
 ) -> cairn_result {
     call("cairn_recorder_make_script", || {
-        let recorder = enter_exclusive(recorder)?;
+        let recorder = enter_serialized(recorder)?;
         check_out(script, "script")?;
         let recorded = recorder.0.lock().clone();
         let handle = insert::<cairn_script>(recorded.finish(WorldTime::from_micros(microseconds))?)?;

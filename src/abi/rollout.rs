@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::anchor::cairn_anchor;
 use super::boundary::call;
 use super::controls::{cairn_controls, read_controls};
-use super::handles::{Handle, Kind, Object, destroy, enter, enter_exclusive, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter, enter_serialized, insert};
 use super::images::{cairn_picture, read_picture};
 use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
 use super::structs::{Out, check_out, describe, read_or_default};
@@ -210,7 +210,7 @@ pub unsafe extern "C" fn cairn_rollout_append(
     info: *mut cairn_step_info,
 ) -> cairn_result {
     call("cairn_rollout_append", || {
-        let worker = enter_exclusive(rollout)?;
+        let worker = enter_serialized(rollout)?;
         // SAFETY: the host's promise about `info`.
         let info = unsafe { Out::optional(info, "info") }?;
         // SAFETY: the host's promise about `picture`.
@@ -241,7 +241,7 @@ pub unsafe extern "C" fn cairn_rollout_append_pictures(
     info: *mut cairn_step_info,
 ) -> cairn_result {
     call("cairn_rollout_append_pictures", || {
-        let worker = enter_exclusive(rollout)?;
+        let worker = enter_serialized(rollout)?;
         // SAFETY: the host's promise about `info`.
         let info = unsafe { Out::optional(info, "info") }?;
         // SAFETY: the host's promise about `pictures`.
@@ -266,7 +266,7 @@ pub unsafe extern "C" fn cairn_rollout_append_pictures(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_keep_encoder_stream(rollout: *mut cairn_rollout, keep: u32) -> cairn_result {
     call("cairn_rollout_keep_encoder_stream", || {
-        let worker = enter_exclusive(rollout)?;
+        let worker = enter_serialized(rollout)?;
         if keep > 1 {
             return Err(Failure::argument("keep", format!("{keep} is neither 0 nor 1")));
         }
@@ -293,7 +293,7 @@ pub unsafe extern "C" fn cairn_rollout_step(
     info: *mut cairn_step_info,
 ) -> cairn_result {
     call("cairn_rollout_step", || {
-        let worker = enter_exclusive(rollout)?;
+        let worker = enter_serialized(rollout)?;
         // SAFETY: the host's promise about `info`.
         let info = unsafe { Out::optional(info, "info") }?;
         // SAFETY: the host's promise about `controls`.
@@ -313,7 +313,7 @@ pub unsafe extern "C" fn cairn_rollout_step(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_reset(rollout: *mut cairn_rollout) -> cairn_result {
     call("cairn_rollout_reset", || {
-        let worker = enter_exclusive(rollout)?;
+        let worker = enter_serialized(rollout)?;
         let mut core = worker.lock_idle()?;
         core.rollout.reset()?;
         core.next_is_cut = true;
@@ -335,7 +335,7 @@ pub unsafe extern "C" fn cairn_rollout_reset(rollout: *mut cairn_rollout) -> cai
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_rest(rollout: *mut cairn_rollout) -> cairn_result {
     call("cairn_rollout_rest", || {
-        enter_exclusive(rollout)?.lock_idle()?.rollout.rest()?;
+        enter_serialized(rollout)?.lock_idle()?.rollout.rest()?;
         Ok(CAIRN_OK)
     })
 }
@@ -360,7 +360,7 @@ pub unsafe extern "C" fn cairn_rollout_set_budget(
     schedules: *const c_char,
 ) -> cairn_result {
     call("cairn_rollout_set_budget", || {
-        let worker = enter_exclusive(rollout)?;
+        let worker = enter_serialized(rollout)?;
         // SAFETY: the host's promise about `schedules`.
         let text = unsafe { required_text(schedules, "schedules") }?;
         let schedules = read_schedules(text)?;

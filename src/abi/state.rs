@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use super::boundary::call;
-use super::handles::{enter, enter_exclusive};
+use super::handles::{enter, enter_serialized};
 use super::results::{CAIRN_ERROR_IO, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_OK, Failure, Outcome, cairn_result};
 use super::rollout::cairn_rollout;
 use super::structs::{check_out, slice, slice_mut};
@@ -96,7 +96,7 @@ pub unsafe extern "C" fn cairn_rollout_restore(
     size: usize,
 ) -> cairn_result {
     call("cairn_rollout_restore", || {
-        let worker = enter_exclusive(rollout)?;
+        let worker = enter_serialized(rollout)?;
         // SAFETY: the host's promise about `bytes`.
         let bytes = unsafe { slice(bytes.cast::<u8>(), size, "bytes") }?;
         let mut core = worker.lock_idle()?;
@@ -118,7 +118,7 @@ pub unsafe extern "C" fn cairn_rollout_restore(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_rollout_restore_file(rollout: *mut cairn_rollout, path: *const c_char) -> cairn_result {
     call("cairn_rollout_restore_file", || {
-        let worker = enter_exclusive(rollout)?;
+        let worker = enter_serialized(rollout)?;
         // SAFETY: the host's promise about `path`.
         let path = Path::new(unsafe { required_text(path, "path") }?);
         let mut core = worker.lock_idle()?;

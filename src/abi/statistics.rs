@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::boundary::call;
 use super::d3d12::backend;
-use super::handles::{enter, in_use};
+use super::handles::{busy_in_callback, enter};
 use super::presenter::cairn_presenter;
 use super::results::{CAIRN_OK, cairn_result};
 use super::rollout::{cairn_rollout, nanoseconds};
@@ -275,7 +275,7 @@ pub unsafe extern "C" fn cairn_presenter_get_statistics(
         // SAFETY: the host's promise about `statistics`.
         let statistics = unsafe { Out::new(statistics, "statistics") }?;
         // First: it reads reports that change the counters below.
-        let device = object.frame_statistics(object.is_nested()).ok_or_else(in_use)?;
+        let device = object.frame_statistics(object.is_nested()).ok_or_else(busy_in_callback)?;
         let Selection { name: generator, reason: preference } = object.generator(&device);
         let Selection { name: upscaler, reason: upscaling } = object.upscaler(&device);
         let counters = object.presenter.statistics();

@@ -7,7 +7,7 @@ use crate::locks::Mutex;
 use super::boundary::call;
 use super::d3d12::{ID3D12GraphicsCommandList, ID3D12Resource, check_not_null};
 use super::device::cairn_device;
-use super::handles::{Handle, Kind, Object, destroy, enter, enter_exclusive, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter, enter_serialized, insert};
 use super::results::{CAIRN_ERROR_BUSY, CAIRN_OK, Failure, Outcome, cairn_result};
 use super::structs::{Out, check_out, read};
 
@@ -180,7 +180,7 @@ pub unsafe extern "C" fn cairn_swapchain_get_dxgi(
 ) -> cairn_result {
     call("cairn_swapchain_get_dxgi", || {
         check_out(dxgi, "dxgi")?;
-        let object = enter_exclusive(swapchain)?;
+        let object = enter_serialized(swapchain)?;
         let reference = object.lock().dxgi();
         // SAFETY: checked above; writable by the host's promise.
         unsafe { dxgi.write(reference) };
@@ -212,7 +212,7 @@ pub unsafe extern "C" fn cairn_swapchain_prepare(
         // SAFETY: the host's promise about `frame`.
         let frame = unsafe { read(frame, "frame") }?;
         check_frame(&frame)?;
-        let object = enter_exclusive(swapchain)?;
+        let object = enter_serialized(swapchain)?;
         // SAFETY: the host's promise about its objects.
         unsafe { object.lock().prepare(list, &frame) }?;
         Ok(CAIRN_OK)
@@ -242,7 +242,7 @@ pub unsafe extern "C" fn cairn_swapchain_set_interface(
 ) -> cairn_result {
     call("cairn_swapchain_set_interface", || {
         check_flags(flags, CAIRN_INTERFACE_PREMULTIPLIED | CAIRN_INTERFACE_COPIED, "flags")?;
-        let object = enter_exclusive(swapchain)?;
+        let object = enter_serialized(swapchain)?;
         // SAFETY: the host's promise about its object.
         unsafe { object.lock().set_interface(picture, state, flags) }?;
         Ok(CAIRN_OK)
@@ -266,7 +266,7 @@ pub unsafe extern "C" fn cairn_swapchain_set_pacing(
     call("cairn_swapchain_set_pacing", || {
         // SAFETY: the host's promise about `pacing`.
         let pacing = unsafe { checked_pacing(pacing) }?;
-        enter_exclusive(swapchain)?.lock().set_pacing(pacing.as_ref())?;
+        enter_serialized(swapchain)?.lock().set_pacing(pacing.as_ref())?;
         Ok(CAIRN_OK)
     })
 }
@@ -280,7 +280,7 @@ pub unsafe extern "C" fn cairn_swapchain_set_pacing(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_swapchain_pause(swapchain: *mut cairn_swapchain) -> cairn_result {
     call("cairn_swapchain_pause", || {
-        enter_exclusive(swapchain)?.lock().pause()?;
+        enter_serialized(swapchain)?.lock().pause()?;
         Ok(CAIRN_OK)
     })
 }
@@ -294,7 +294,7 @@ pub unsafe extern "C" fn cairn_swapchain_pause(swapchain: *mut cairn_swapchain) 
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_swapchain_wait(swapchain: *mut cairn_swapchain) -> cairn_result {
     call("cairn_swapchain_wait", || {
-        enter_exclusive(swapchain)?.lock().wait()?;
+        enter_serialized(swapchain)?.lock().wait()?;
         Ok(CAIRN_OK)
     })
 }
@@ -309,7 +309,7 @@ pub unsafe extern "C" fn cairn_swapchain_wait(swapchain: *mut cairn_swapchain) -
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_swapchain_fit(swapchain: *mut cairn_swapchain) -> cairn_result {
     call("cairn_swapchain_fit", || {
-        enter_exclusive(swapchain)?.lock().fit()?;
+        enter_serialized(swapchain)?.lock().fit()?;
         Ok(CAIRN_OK)
     })
 }

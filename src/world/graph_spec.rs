@@ -1,4 +1,4 @@
-//! The inputs and outputs of a bundle's three graphs, from its geometry: `docs/bundle.md`, section 4.
+//! The inputs and outputs of a bundle's graphs, from its geometry: `docs/bundle.md`, section 4.
 
 use crate::bundle::{Geometry, Manifest, Precision};
 use crate::runtime::TensorSpec;

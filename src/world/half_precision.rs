@@ -27,14 +27,14 @@ pub struct HalfPrecision {
     /// The layer whose keys and values have the largest relative error in float16, and that error. If some are not finite, the first such layer
     /// and infinity.
     pub worst_layer: (u32, f64),
-    /// The largest magnitude, in float32, among the values that the float16 transformer holds in float16; `None` if the two transformers name
-    /// their values differently.
+    /// Of the values that the float16 transformer holds in float16, in float32: the first one in the graph's order that overflows float16, or the
+    /// one of the largest magnitude if none does. `None` if the two transformers name their values differently.
     pub peak: Option<Peak>,
     /// Whether the residual stream of the float16 transformer is float32.
     pub is_residual_wide: bool,
 }
 
-/// The largest magnitude of a value of the transformer in any pass of a latent.
+/// A value of the transformer and its largest magnitude in any pass of a latent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Peak {
     /// The value's name in the graph.
@@ -67,10 +67,15 @@ impl HalfPrecision {
         let (layer, error) = self.worst_layer;
         let (field, percent) = (format!("blocks.{layer}"), |error: f64| 100.0 * error);
         let remedy = if self.is_residual_wide { f32_only } else { wide };
-        if !self.latent_error.is_finite() || !error.is_finite() {
+        if !error.is_finite() {
             let cause =
                 "f16 is not enough for this bundle: this is the first layer with keys or values that are not finite";
             return refuse(&field, cause.to_owned(), remedy);
+        }
+        // Keys and values are those of the float32 latent, so they can be finite where the float16 latent is not.
+        if !self.latent_error.is_finite() {
+            let cause = "f16 is not enough for this bundle: its latent has values that are not finite";
+            return refuse("x_next", cause.to_owned(), remedy);
         }
         if self.latent_error > MAX_LATENT_ERROR {
             let cause = format!(
@@ -114,7 +119,7 @@ impl Reference {
             return Err(Error::new(ErrorKind::Device, cause).remedy("Build the bundle again: its weights are damaged"));
         }
         Ok(Self {
-            peak: worst_peak(&with_peaks, &latent.more),
+            peak: worst_peak(&with_peaks, &latent.peaks),
             latent,
             is_residual_wide: manifest.residual == Some(Residual::Float32),
         })
@@ -166,8 +171,8 @@ struct Latent {
     x: Vec<f32>,
     /// Keys and values of the cache pass, layer by layer.
     states: Vec<Vec<f32>>,
-    /// Further outputs of the graph, one number each: the largest in any pass.
-    more: Vec<f32>,
+    /// Outputs of the graph that are magnitudes of its values: the largest of each in any pass.
+    peaks: Vec<f32>,
 }
 
 impl Latent {
@@ -181,7 +186,7 @@ impl Latent {
         committed: Option<&[f32]>,
     ) -> Result<Self> {
         let mut context = device.context()?;
-        let mut run = Run::new(&mut *context, transformer, manifest, shapes, precision)?;
+        let mut run = TransformerPass::new(&mut *context, transformer, manifest, shapes, precision)?;
         let mut x = convert::zeroed(shapes.latent_len())?;
         NoiseKey { seed: 0, latent: 0 }.fill(&mut x);
         // Both precisions start from the same numbers.
@@ -192,12 +197,12 @@ impl Latent {
             run.read_next(&*context, &mut x)?;
         }
         run.pass(&mut *context, committed.unwrap_or(&x), 0.0, 0.0)?;
-        Ok(Self { states: run.states(&*context)?, x, more: run.more })
+        Ok(Self { states: run.states(&*context)?, x, peaks: run.peaks })
     }
 }
 
 /// Buffers of one transformer and the binding that reads and writes them.
-struct Run {
+struct TransformerPass {
     precision: Precision,
     uploader: Uploader,
     /// x, sigma and dsigma.
@@ -207,10 +212,10 @@ struct Run {
     slabs: usize,
     slab_len: usize,
     binding: PassBinding,
-    more: Vec<f32>,
+    peaks: Vec<f32>,
 }
 
-impl Run {
+impl TransformerPass {
     fn new(
         context: &mut dyn ExecutionContext,
         transformer: &Transformer,
@@ -247,7 +252,7 @@ impl Run {
             slabs,
             slab_len: shapes.slab_len(),
             binding,
-            more: vec![0.0; outputs.len() - 1 - slabs],
+            peaks: vec![0.0; outputs.len() - 1 - slabs],
         })
     }
 
@@ -257,7 +262,7 @@ impl Run {
             context.upload(buffer, 0, &value.to_ne_bytes())?;
         }
         self.binding.run(context)?;
-        for (largest, buffer) in self.more.iter_mut().zip(&self.outputs[1 + self.slabs..]) {
+        for (largest, buffer) in self.peaks.iter_mut().zip(&self.outputs[1 + self.slabs..]) {
             let mut bytes = [0; size_of::<f32>()];
             context.read(*buffer, 0, &mut bytes)?;
             *largest = largest.max(f32::from_ne_bytes(bytes));
@@ -307,6 +312,7 @@ mod tests {
                 "keys or values that are not finite",
                 true,
             ),
+            (found(f64::INFINITY, (4, 0.2), 1.0, true), "x_next", "its latent has values that are not finite", true),
             (
                 found(0.0312, (7, 0.5), 1.0, true),
                 "blocks.7",

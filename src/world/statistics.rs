@@ -73,8 +73,8 @@ pub struct Statistics {
 pub struct StepInfo {
     /// The number of the new latent; the first is 0.
     pub latent: u64,
-    /// Whether K and V of this latent were committed, with joined passes those of the one before. A global layer stores only every dilation-th
-    /// commit.
+    /// Whether this step committed K and V: those of its latent, or with joined passes those of the latent before. A global layer stores only every
+    /// dilation-th commit.
     pub committed: bool,
     /// Wall times of this step.
     pub stages: Stages,

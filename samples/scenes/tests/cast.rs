@@ -3,7 +3,7 @@
 mod common;
 
 use cairn::world::ControlScript;
-use common::{Reprojection, meets, sample};
+use common::{Reprojection, intersect_triangle, sample};
 use glam::{Vec2, Vec3};
 use scenes::camera::{FAR, device_depth, view_distance};
 use scenes::{
@@ -111,7 +111,9 @@ fn depth_and_motion_are_those_of_the_first_triangle_at_both_times() {
             let mut first: (f32, Option<Vec3>) = (f32::MAX, None);
             for (chunk, here, there) in &placed {
                 for t in &chunk.mesh.triangles {
-                    let Some((far, [v, w])) = meets(view.eye, ray, t.map(|i| here[i as usize])) else { continue };
+                    let Some((far, [v, w])) = intersect_triangle(view.eye, ray, t.map(|i| here[i as usize])) else {
+                        continue;
+                    };
                     if far < first.0 {
                         let [a, b, c] = t.map(|i| there[i as usize]);
                         first = (far, Some(a * (1.0 - v - w) + b * v + c * w));
@@ -409,7 +411,7 @@ fn water_mirrors_what_is_above_it() {
                 let meshes = chunks.map(|c| &c.mesh);
                 let nearest = meshes
                     .flat_map(|mesh| mesh.triangles.iter().map(|t| t.map(|i| mesh.positions[i as usize])))
-                    .filter_map(|corners| Some(meets(point, mirrored, corners)?.0))
+                    .filter_map(|corners| Some(intersect_triangle(point, mirrored, corners)?.0))
                     .fold(f32::MAX, f32::min);
                 if nearest == f32::MAX {
                     sky += 1;

@@ -3,7 +3,7 @@
 mod common;
 
 use cairn::world::ControlScript;
-use common::{Reprojection, depths_by_intersection};
+use common::{Reprojection, count_matching_depths};
 use glam::Vec2;
 use scenes::{Cast, Clip, ClipOptions, Family, LANDSCAPES, Moment, Quality, Scene, Start, render, render_picture};
 
@@ -74,7 +74,7 @@ fn depth_and_motion_are_true_at_the_hills_and_a_picture_alone_is_the_same() {
         assert!(found.count > SIZE.0 * SIZE.1 / 5, "{family}: only {} pixels compared", found.count);
         assert!(found.psnr() >= 44.0, "{family}: re-projection is {:.1} dB", found.psnr());
         if family != Family::Sword {
-            let (agree, asked) = depths_by_intersection(&level, &now, &current, 1571);
+            let (agree, asked) = count_matching_depths(&level, &now, &current, 1571);
             assert!(agree + 1 >= asked, "{family}: {agree} of {asked} depths agree");
         }
         assert_eq!(current.picture, render_picture(&level, &now, SIZE.0, SIZE.1, quality), "{family}");

@@ -3,7 +3,7 @@
 mod common;
 
 use cairn::world::ControlScript;
-use common::{Reprojection, depths_by_intersection};
+use common::{Reprojection, count_matching_depths};
 use glam::Vec3;
 use scenes::camera::view_distance;
 use scenes::{Clip, ClipOptions, FAMILIES, Family, Frame, LANDSCAPES, Moment, Quality, Scene, render};
@@ -45,7 +45,7 @@ fn depth_is_where_the_ray_meets_the_first_triangle() {
         let scene = Scene::new(family, 5);
         let (now, before) = moments(&scene);
         let frame = render(&scene, &now, &before, SIZE.0, SIZE.1, Quality { samples: 1 });
-        let (agree, asked) = depths_by_intersection(&scene, &now, &frame, 1571);
+        let (agree, asked) = count_matching_depths(&scene, &now, &frame, 1571);
         // A ray through an edge may take either side.
         assert!(agree + 1 >= asked, "{family}: {agree} of {asked} depths agree");
     }

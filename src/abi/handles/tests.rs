@@ -99,11 +99,11 @@ fn destroying_waits_for_calls_in_flight_and_is_refused_within_one() {
 #[test]
 fn exclusive_calls_exclude_each_other() {
     let (handle, _) = new_object();
-    let first = enter_exclusive(handle).unwrap();
-    assert_eq!(code(enter_exclusive(handle)), CAIRN_ERROR_BUSY);
+    let first = enter_serialized(handle).unwrap();
+    assert_eq!(code(enter_serialized(handle)), CAIRN_ERROR_BUSY);
     assert!(enter(handle).is_ok());
     drop(first);
-    assert!(enter_exclusive(handle).is_ok());
+    assert!(enter_serialized(handle).is_ok());
     destroy(handle).unwrap();
 }
 

@@ -18,8 +18,8 @@ pub(crate) unsafe fn put<T>(pointer: *mut u8, offset: usize, value: T) {
     unsafe { pointer.add(offset).cast::<T>().write_unaligned(value) }
 }
 
-/// The links of a chain: the id is at offset 0, the next link's address at 8. Fails at a repeated link, and where no host's chain
-/// would go on.
+/// The links of a chain: the id is at offset 0, the next link's address at 8. Fails for a cycle, two links with the same id, more than 16 links, and a
+/// misaligned address.
 ///
 /// # Safety
 /// A linked chain, or null.
@@ -29,7 +29,7 @@ pub(crate) unsafe fn links(head: *const u8) -> Result<Vec<(u64, *const u8)>, &'s
     let mut at = head;
     while !at.is_null() {
         if found.iter().any(|(_, before)| *before == at) {
-            return Err("the chain runs in a circle");
+            return Err("the chain has a cycle");
         }
         if found.len() == LONGEST || !at.addr().is_multiple_of(8) {
             return Err("the chain leads nowhere");

@@ -1,5 +1,6 @@
 //! Worlds on DirectML, in the lab or on Windows, pass the same tests as worlds on the processor: parity with the oracle, bit-exact
-//! continuation of saved states, budgets, the check that float16 is enough, and joined passes. Every run has a short form, `--thorough` runs all.
+//! continuation of saved states, budgets, the check that float16 is enough, and joined passes. By default a
+//! short selection runs, with `--thorough` everything.
 
 use std::process::Command;
 

@@ -206,7 +206,7 @@ pub(super) const THOROUGH: &[Part] = &[
         runner: Runner {
             name: "webgpu-all",
             what: "worlds on WebGPU: all their tests, 500 latents, states of other devices, failing calls, and parity with the oracle",
-            run: webgpu::run_all,
+            run: webgpu::run_thorough,
         },
         minutes: 40,
     },

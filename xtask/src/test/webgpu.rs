@@ -1,5 +1,5 @@
 //! Worlds on ONNX Runtime's WebGPU provider, in the lab, on its software Vulkan driver: tests of their own, the tests that worlds on other
-//! devices pass, and parity with the oracle. Every run has a short form, `--thorough` runs all.
+//! devices pass, and parity with the oracle. By default a short selection runs, with `--thorough` everything.
 
 use std::fs;
 use std::path::PathBuf;
@@ -54,8 +54,9 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     Ok(tally)
 }
 
-/// All tests of worlds on any device, the soak, and all of the comparison with the oracle.
-pub(super) fn run_all(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
+/// The thorough form: all tests of worlds on any device, the soak, the Windows programs, states exchanged with DirectML, faults of the C layer, and all of
+/// the comparison with the oracle. The tests of WebGPU alone are in the short form only.
+pub(super) fn run_thorough(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     if let Some(skip) = skip()? {
         return Ok(Tally { skips: vec![skip], ..Tally::default() });
     }

@@ -100,8 +100,8 @@ impl Reprojection {
     }
 }
 
-/// Where a ray meets a triangle: distance in units of `direction`, and weights of the second and third corner (Moeller and Trumbore).
-pub(crate) fn meets(origin: Vec3, direction: Vec3, [a, b, c]: [Vec3; 3]) -> Option<(f32, [f32; 2])> {
+/// Intersection of a ray and a triangle, farther than .1: distance in units of `direction`, and weights of the second and third corner (Moeller and Trumbore).
+pub(crate) fn intersect_triangle(origin: Vec3, direction: Vec3, [a, b, c]: [Vec3; 3]) -> Option<(f32, [f32; 2])> {
     let (u, v) = (b - a, c - a);
     let p = direction.cross(v);
     let det = u.dot(p);
@@ -115,7 +115,7 @@ pub(crate) fn meets(origin: Vec3, direction: Vec3, [a, b, c]: [Vec3; 3]) -> Opti
 }
 
 /// How many of the depths of every `step`th pixel are where the ray meets the first of all triangles at the frame's time, and how many were checked.
-pub(crate) fn depths_by_intersection(scene: &Scene, now: &Moment, frame: &Frame, step: usize) -> (u32, u32) {
+pub(crate) fn count_matching_depths(scene: &Scene, now: &Moment, frame: &Frame, step: usize) -> (u32, u32) {
     let (width, height) = frame.picture.size();
     let view = now.view(width, height);
     let triangles: Vec<[Vec3; 3]> = (scene.chunks.iter())
@@ -128,7 +128,8 @@ pub(crate) fn depths_by_intersection(scene: &Scene, now: &Moment, frame: &Frame,
     for k in (0..width * height).step_by(step) {
         let pixel = Vec2::new((k % width) as f32, (k / width) as f32) + 0.5;
         let ray = view.to_world(view.ray(pixel));
-        let nearest = triangles.iter().filter_map(|t| Some(meets(view.eye, ray, *t)?.0)).fold(f32::MAX, f32::min);
+        let nearest =
+            triangles.iter().filter_map(|t| Some(intersect_triangle(view.eye, ray, *t)?.0)).fold(f32::MAX, f32::min);
         let expected = if nearest > FAR { 1.0 } else { device_depth(nearest) };
         let (found, expected) = (view_distance(frame.depth[k as usize]), view_distance(expected));
         asked += 1;

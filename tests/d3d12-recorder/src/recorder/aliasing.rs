@@ -26,8 +26,8 @@ pub(super) struct Backing {
 pub(super) struct AliasedUses(BTreeSet<Id>);
 
 impl Recorder {
-    /// The memory of a new resource; `None` where it is committed or reserved.
-    pub(super) fn place(&mut self, resource: Id, range: Option<HeapRange>) {
+    /// Registers the memory of a new resource; `None` for one that is committed or reserved.
+    pub(super) fn register_memory(&mut self, resource: Id, range: Option<HeapRange>) {
         let Some(found) = self.resources.get_mut(&resource) else { return };
         let has_metadata = found.desc.allowed.0 & (State::RENDER_TARGET.0 | State::DEPTH_WRITE.0) != 0;
         let count = if has_metadata && !found.desc.is_buffer { found.states.count() } else { 0 };
@@ -62,8 +62,8 @@ impl Recorder {
         self.queue_command(queue, Command::CopyTileMappings { to, from, tiles });
     }
 
-    /// The memory of a resource's tiles, for others.
-    pub(super) fn copied_tiles(&self, from: Id, tiles: &[(u32, u32)]) -> Vec<(u32, Option<HeapRange>)> {
+    /// Numbers of destination tiles, and the heap ranges of their source tiles.
+    pub(super) fn source_mappings(&self, from: Id, tiles: &[(u32, u32)]) -> Vec<(u32, Option<HeapRange>)> {
         let Some(found) = self.resources.get(&from) else { return Vec::new() };
         tiles.iter().map(|(to, from)| (*to, found.backing.tiles.get(from).cloned())).collect()
     }
@@ -90,8 +90,8 @@ impl Recorder {
         self.set_memory(resource, ranges);
     }
 
-    /// A resource is released.
-    pub(super) fn leave_memory(&mut self, resource: Id) {
+    /// Forgets the memory of a released resource.
+    pub(super) fn release_memory(&mut self, resource: Id) {
         self.set_memory(resource, Vec::new());
     }
 
@@ -103,8 +103,8 @@ impl Recorder {
         }
     }
 
-    /// An aliasing barrier of a submission runs.
-    pub(super) fn separate(&self, uses: &mut AliasedUses, before: Option<Id>, after: Option<Id>) {
+    /// Applies an aliasing barrier of a submission: from `before`, or if there is none to `after`.
+    pub(super) fn apply_aliasing_barrier(&self, uses: &mut AliasedUses, before: Option<Id>, after: Option<Id>) {
         match (before, after) {
             (Some(before), _) => _ = uses.0.remove(&before),
             (None, Some(after)) => {
@@ -126,8 +126,8 @@ impl Recorder {
         }
     }
 
-    /// A command of a submission uses a resource.
-    pub(super) fn use_memory(&mut self, uses: &mut AliasedUses, function: &'static str, one: &Use) {
+    /// Reports a use without an aliasing barrier or of memory that is not initialised, and marks the resources that share the memory as undefined.
+    pub(super) fn check_aliased_use(&mut self, uses: &mut AliasedUses, function: &'static str, one: &Use) {
         let Some(found) = self.resources.get(&one.resource) else { return };
         if found.backing.ranges.is_empty() {
             return;

@@ -145,7 +145,7 @@ impl Recorder {
         if barrier.before.access.may_be(Access::UNORDERED_ACCESS) {
             unordered.clear();
         }
-        self.separate(aliased, None, None);
+        self.apply_aliasing_barrier(aliased, None, None);
         for resource in touched {
             if let Some(found) = self.resources.get_mut(resource) {
                 found.states.global_barrier(barrier.before.access);
@@ -164,17 +164,17 @@ impl Recorder {
         discards: bool,
     ) {
         if barrier.before.access == Access::NO_ACCESS {
-            self.separate(aliased, None, Some(resource));
+            self.apply_aliasing_barrier(aliased, None, Some(resource));
         }
         if discards {
             for &number in numbers {
                 let region = self.subresource(resource, number as u32);
                 let one = Use { initialises: true, ..Use::new(resource, region, State::COMMON) };
-                self.use_memory(aliased, FUNCTION, &one);
+                self.check_aliased_use(aliased, FUNCTION, &one);
             }
         }
         if barrier.after.access == Access::NO_ACCESS {
-            self.separate(aliased, Some(resource), None);
+            self.apply_aliasing_barrier(aliased, Some(resource), None);
         }
     }
 }

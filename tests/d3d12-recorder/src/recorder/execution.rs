@@ -221,10 +221,10 @@ impl Recorder {
                     }
                     self.alias_by_barrier(&mut aliased, *resource, numbers, barrier, *discards);
                 }
-                &Command::AliasingBarrier { before, after } => self.separate(&mut aliased, before, after),
+                &Command::AliasingBarrier { before, after } => self.apply_aliasing_barrier(&mut aliased, before, after),
                 Command::MapTiles { resource, mappings } => self.set_tiles(*resource, mappings.clone()),
                 Command::CopyTileMappings { to, from, tiles } => {
-                    let mappings = self.copied_tiles(*from, tiles);
+                    let mappings = self.source_mappings(*from, tiles);
                     self.set_tiles(*to, mappings);
                 }
                 &Command::Transition { resource, subresource, before, after, part } => {
@@ -245,7 +245,7 @@ impl Recorder {
                 Command::Work { function, uses, .. } => {
                     let mut now: Vec<(Id, Region)> = Vec::new();
                     for one in uses {
-                        self.use_memory(&mut aliased, function, one);
+                        self.check_aliased_use(&mut aliased, function, one);
                         let Use { resource, region, state, .. } = one;
                         touched.insert(*resource);
                         accesses.insert((*resource, region.clone(), state.writes()));

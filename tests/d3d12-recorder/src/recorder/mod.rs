@@ -423,7 +423,7 @@ impl Recorder {
         let placed = desc.placed.clone();
         let (accesses, backing) = (Vec::new(), Backing::default());
         self.resources.insert(resource, Resource { desc, states, accesses, mapped: 0, backing });
-        self.place(resource, placed);
+        self.register_memory(resource, placed);
     }
 
     /// The object is an allocator.
@@ -466,7 +466,7 @@ impl Recorder {
             self.find(Rule::DeletedInUse, "IUnknown::Release", text);
         }
         self.objects.remove(&id);
-        self.leave_memory(id);
+        self.release_memory(id);
         if let Some(resource) = self.resources.remove(&id)
             && let Some(address) = resource.desc.address
             && self.addresses.get(&address) == Some(&id)
