@@ -64,6 +64,21 @@ pub(crate) fn estimate(values: &[f64]) -> Option<Estimate> {
     Some(Estimate { mean, interval })
 }
 
+/// The mean over scenes of shares from 0 to 1, with Wilson's score interval, which stays within them. It is exact for shares of 0 and 1 and too wide for
+/// others, whose variance is smaller (Wilson, Journal of the American Statistical Association 22, 1927). `None` without values.
+pub(crate) fn estimate_share(shares: &[f64]) -> Option<Estimate> {
+    const NORMAL: f64 = 1.959_964;
+    let n = shares.len() as f64;
+    let mean = (n > 0.0).then(|| shares.iter().sum::<f64>() / n)?;
+    let interval = (n > 1.0 && mean.is_finite()).then(|| {
+        let weight = NORMAL.powi(2) / n;
+        let middle = (mean + weight / 2.0) / (1.0 + weight);
+        let half = (weight * (mean * (1.0 - mean) + weight / 4.0)).sqrt() / (1.0 + weight);
+        [(middle - half).max(0.0), (middle + half).min(1.0)]
+    });
+    Some(Estimate { mean, interval })
+}
+
 /// As [`estimate`], of the median: of an even number of values the mean of the middle two. The interval is of two values as far from both ends,
 /// which makes no assumption on their distribution.
 pub(crate) fn estimate_median(values: &[f64]) -> Option<Estimate> {
@@ -123,6 +138,23 @@ mod tests {
         };
         let held = (0..4000).filter(holds).count();
         assert!((3750..3850).contains(&held), "{held} of 4000");
+    }
+
+    #[test]
+    fn the_interval_of_a_share_stays_within_it() {
+        let of = |right: usize, n: usize| {
+            let shares: Vec<f64> = (0..n).map(|i| if i < right { 1.0 } else { 0.0 }).collect();
+            estimate_share(&shares).unwrap().interval.unwrap()
+        };
+        // Published values: 0 and 10 of 10, and 7 of 10.
+        for ((right, n), [low, high]) in
+            [((0, 10), [0.0, 0.2775]), ((10, 10), [0.7225, 1.0]), ((7, 10), [0.3968, 0.8922])]
+        {
+            let found = of(right, n);
+            assert!((found[0] - low).abs() < 1e-4 && (found[1] - high).abs() < 1e-4, "{right} of {n}: {found:?}");
+        }
+        assert_eq!(estimate_share(&[0.5]), Some(Estimate { mean: 0.5, interval: None }));
+        assert_eq!(estimate_share(&[]), None);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::endurance::{self, Second, second};
 use super::place::{Group, Place, kind};
 use super::response::{Axis, ControlFit, control_fit};
 use super::walk::{Horizon, PoseScore, Sample, Shown, WalkScores};
-use crate::statistics::{Estimate, estimate, estimate_median};
+use crate::statistics::{Estimate, estimate, estimate_median, estimate_share};
 
 /// Measurements of one walk.
 #[derive(Debug, Clone)]
@@ -110,7 +110,7 @@ impl Results {
             let right = samples().filter(|sample| is_right(&result.walked, kind, sample)).count();
             (count > 0 && self.is_whole(&result.walked, end)).then(|| right as f64 / count as f64)
         });
-        estimate(&shares.collect::<Vec<_>>())
+        estimate_share(&shares.collect::<Vec<_>>())
     }
 
     fn is_whole(&self, walked: &WalkScores, end: u32) -> bool {
@@ -169,6 +169,12 @@ impl Results {
         self.mean(row, |walked| walked.remembered.iter().find(|m| m.away == away).map(&of))
     }
 
+    /// Share of the walks whose place is right after a look away.
+    pub(super) fn right_place(&self, row: Row, away: f64) -> Option<Estimate> {
+        let scores = self.walks(row).filter_map(|walked| walked.remembered.iter().find(|m| m.away == away));
+        estimate_share(&scores.map(|score| f64::from(u8::from(score.is_right))).collect::<Vec<_>>())
+    }
+
     /// Times away of the memory test, ascending.
     pub(super) fn away(&self) -> Vec<f64> {
         let mut all: Vec<f64> = self.all.iter().flat_map(|r| r.walked.remembered.iter().map(|m| m.away)).collect();
@@ -194,11 +200,21 @@ fn slices(vectors: &[Vec<f32>]) -> Vec<&[f32]> {
 
 /// An estimate as text, such as `0.31 [0.25, 0.38]`.
 pub(super) fn show(estimate: Option<Estimate>, digits: usize) -> String {
+    show_with(estimate, |value| format!("{value:.digits$}"))
+}
+
+/// A difference as text, such as `+0.02 [-0.01, +0.05]`; without the sign of a number that is rounded to 0.
+pub(super) fn show_difference(estimate: Option<Estimate>, digits: usize) -> String {
+    let half_a_digit = 0.5 * 0.1_f64.powi(digits as i32);
+    show_with(estimate, |value| format!("{:+.digits$}", if value.abs() < half_a_digit { 0.0 } else { value }))
+}
+
+fn show_with(estimate: Option<Estimate>, number: impl Fn(f64) -> String) -> String {
     match estimate {
         None => "-".into(),
-        Some(Estimate { mean, interval: None }) => format!("{mean:.digits$}"),
+        Some(Estimate { mean, interval: None }) => number(mean),
         Some(Estimate { mean, interval: Some([low, high]) }) => {
-            format!("{mean:.digits$} [{low:.digits$}, {high:.digits$}]")
+            format!("{} [{}, {}]", number(mean), number(low), number(high))
         }
     }
 }

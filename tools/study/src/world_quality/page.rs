@@ -37,7 +37,8 @@ True pictures above, the world's below, in the walks where it gains most over re
 
 ## Figures
 
-A figure is the mean over the walks of a row, *levels* over those of all four; in brackets is its 95 % interval. PSNR is in
+A figure is the mean over the walks of a row, *levels* over those of all four; in brackets is its 95 % interval, for shares of
+yes and no Wilson's. PSNR is in
 dB, LPIPS is that of AlexNet.
 
 - **By second**: brightness, colour, contrast (standard deviation) and detail (difference of neighbouring pixels) over the second that ends there. Colour is off by

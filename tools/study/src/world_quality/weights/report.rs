@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use cairn::world::OperatingPoint;
 
+use super::super::figures::{show, show_difference};
 use super::super::place::Place;
 use super::Measured;
 use super::measure::{PER_SECOND, Samples, Truth};
@@ -96,13 +97,13 @@ impl Results<'_> {
         let heads = || self.columns().map(|column| column.head);
         let mut rows: Vec<Vec<String>> = Vec::new();
         for (world, name) in self.names.iter().enumerate() {
-            let cells = self.columns().map(|column| shown(estimate(&self.values(world, column)), column.digits, false));
+            let cells = self.columns().map(|column| show(estimate(&self.values(world, column)), column.digits));
             rows.push([(*name).to_owned()].into_iter().chain(cells).collect());
         }
         let still = |column: &Column| {
             let values: Vec<f64> =
                 self.measured.iter().filter_map(|m| (column.of)(&m.truth, &m.truth.repeat)).collect();
-            shown(estimate(&values), column.digits, false)
+            show(estimate(&values), column.digits)
         };
         rows.push(["the first picture, repeated".to_owned()].into_iter().chain(self.columns().map(still)).collect());
         let head: Vec<&str> = ["weights"].into_iter().chain(heads()).collect();
@@ -110,28 +111,37 @@ impl Results<'_> {
 
         let mut rows = Vec::new();
         for (world, name) in self.names.iter().enumerate().skip(1) {
-            let cells = self.columns().map(|column| shown(self.difference(world, column), column.digits, true));
+            let cells = self.columns().map(|column| show_difference(self.difference(world, column), column.digits));
             let row = [(*name).to_owned()].into_iter().chain(cells).chain([self.verdict(world)]);
             rows.push(row.collect());
         }
         let head: Vec<&str> = ["weights"].into_iter().chain(heads()).chain(["measurably other in"]).collect();
         let differences = Table::new(1, &head, rows).markdown();
 
+        let how_judged = match self.decisive().next() {
+            Some(_) => {
+                " The last column is of LPIPS and horizon alone: where their intervals contain 0, no difference was measured."
+            }
+            None => "",
+        };
         let OperatingPoint { global_window, schedule, .. } = self.point;
         format!(
             "{} held-out walks of {} s, schedule {schedule}, g{global_window}. Means over the walks, with 95 % intervals.\n\n{means}\n\
-             Differences from {}, walk by walk. The last column is of LPIPS and horizon alone: where their intervals contain 0, no difference was \
-             measured.\n\n{differences}",
+             Differences from {}, walk by walk.{how_judged}\n\n{differences}",
             self.measured.len(),
             self.seconds,
             self.names[0],
         )
     }
 
+    /// The columns that decide, if they were measured.
+    fn decisive(&self) -> impl Iterator<Item = &'static Column> {
+        self.columns().filter(|column| DECISIVE.contains(&column.head))
+    }
+
     /// The decisive columns in which a world differs measurably from the first; a dash if there are none.
     fn verdict(&self, world: usize) -> String {
-        let decisive = || self.columns().filter(|column| DECISIVE.contains(&column.head));
-        if decisive().next().is_none() {
+        if self.decisive().next().is_none() {
             return "-".to_owned();
         }
         let differs = |column: &&Column| {
@@ -139,7 +149,7 @@ impl Results<'_> {
                 .and_then(|estimate| estimate.interval)
                 .is_some_and(|[low, high]| low > 0.0 || high < 0.0)
         };
-        let found: Vec<&str> = decisive().filter(differs).map(|column| column.head).collect();
+        let found: Vec<&str> = self.decisive().filter(differs).map(|column| column.head).collect();
         if found.is_empty() { "nothing".to_owned() } else { found.join("; ") }
     }
 
@@ -166,22 +176,6 @@ impl Results<'_> {
             }
         }
         text
-    }
-}
-
-/// `0.412 [0.398, 0.426]`, with signs for a difference.
-fn shown(estimate: Option<Estimate>, digits: usize, signed: bool) -> String {
-    let number = |value: f64| match signed {
-        // Without the sign of a number that is rounded to 0.
-        true => format!("{:+.digits$}", if value.abs() < 0.5 * 0.1_f64.powi(digits as i32) { 0.0 } else { value }),
-        false => format!("{value:.digits$}"),
-    };
-    match estimate {
-        None => "-".to_owned(),
-        Some(Estimate { mean, interval: None }) => number(mean),
-        Some(Estimate { mean, interval: Some([low, high]) }) => {
-            format!("{} [{}, {}]", number(mean), number(low), number(high))
-        }
     }
 }
 
