@@ -43,7 +43,7 @@ pub enum Processor {
 /// its activations have 8 bits as well; it multiplies by one of 4 bits as it is stored. A GPU unpacks every such matrix to F.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MemoryNeed {
-    /// The bundle's own files, which stay in memory.
+    /// The bundle's own files, which are in memory as long as the bundle is.
     pub bundle: u64,
     /// Weights as the runtime holds them, of all models.
     pub weights: u64,
