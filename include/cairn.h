@@ -2858,7 +2858,7 @@ CAIRN_API cairn_result cairn_swapchain_get_dxgi(cairn_swapchain *swapchain, stru
  * list: open for recording, for the device's queue; execute it there before Present.
  *
  * Ownership: everything stays the caller's, on success and on failure. What frame points to must live until the list has run, and
- * textures that are read within Present until the next Present returns.
+ * textures that are read within Present until it returns, with CAIRN_SWAPCHAIN_ASYNC until the next Present returns.
  * Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT with nothing recorded; CAIRN_ERROR_STRUCT_SIZE;
  * CAIRN_ERROR_BUSY; CAIRN_ERROR_INVALID_STATE if buffers were resized and cairn_swapchain_fit was not called; CAIRN_ERROR_OUT_OF_MEMORY;

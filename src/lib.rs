@@ -41,6 +41,7 @@ pub mod tasks;
 pub mod locks;
 
 mod error;
+mod gpu_time;
 mod libraries;
 mod object_count;
 mod picture;
@@ -49,6 +50,7 @@ mod quiet_mutex;
 mod rule_set;
 
 pub use error::{Error, ErrorKind, Result};
+pub use gpu_time::GpuTimeStatistics;
 pub use libraries::LibrarySearch;
 pub use picture::{MAX_SIDE, Picture, PictureF16, Pixel, Raster};
 pub use pixel_format::Colours;

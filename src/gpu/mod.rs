@@ -25,7 +25,7 @@ mod texture;
 mod timestamps;
 mod uploads;
 
-pub use crate::runtime::GpuTimeStatistics;
+pub use crate::gpu_time::GpuTimeStatistics;
 pub use adapter::{Adapter, adapters};
 pub(crate) use budget_changes::BudgetChanges;
 pub(crate) use buffers::{Heap, MappedBuffer, buffer};

@@ -6,8 +6,8 @@ use windows::Win32::Graphics::Direct3D12::*;
 
 use super::{Gpu, Heap, MappedBuffer, Queue, failed_on};
 use crate::Result;
+use crate::gpu_time::GpuTimeStatistics;
 use crate::object_count::count_object;
-use crate::runtime::GpuTimeStatistics;
 
 impl GpuTimeStatistics {
     /// Adds one measurement.

@@ -15,7 +15,6 @@ mod failure;
 #[cfg(test)]
 pub(crate) mod fake;
 mod finite;
-mod gpu_time;
 mod graph;
 mod library;
 mod library_search;
@@ -42,7 +41,6 @@ pub(crate) use execution_context::{
 pub use execution_context::{CaptureStatistics, ExternalTimes};
 #[cfg(windows)]
 pub(crate) use execution_context::{Decoded, Work};
-pub use gpu_time::GpuTimeStatistics;
 pub(crate) use graph::{ElementType, Graph, TensorSpec, element_size};
 pub use library::Ort;
 #[cfg(windows)]

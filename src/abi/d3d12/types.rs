@@ -4,9 +4,9 @@
 use std::ffi::c_void;
 use std::time::Duration;
 
+use crate::gpu_time::GpuTimeStatistics;
 use crate::present::Selection;
 use crate::present::presenter::FrameInfo;
-use crate::runtime::GpuTimeStatistics;
 
 /// A fence with the value to wait for. One that the backend returns owns a reference to the fence.
 pub(in crate::abi) struct FenceValue {
