@@ -100,7 +100,7 @@ fn system() -> Requirement {
     let mut found = build.map_or("unknown".to_owned(), |[major, minor, build]| format!("{major}.{minor}.{build}"));
     if let Some(version) = wine {
         found = format!(
-            "{found}, played by Wine {version}: nothing of AMD's is promised there, and analytic is what runs best"
+            "{found}, on Wine {version}: nothing of AMD's is promised there, and analytic is what runs best"
         );
     }
     let met = build.is_some_and(|[_, _, build]| build >= WINDOWS_11);
