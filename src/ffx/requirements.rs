@@ -99,9 +99,8 @@ fn system() -> Requirement {
     let System { build, wine } = System::current();
     let mut found = build.map_or("unknown".to_owned(), |[major, minor, build]| format!("{major}.{minor}.{build}"));
     if let Some(version) = wine {
-        found = format!(
-            "{found}, on Wine {version}: nothing of AMD's is promised there, and analytic is what runs best"
-        );
+        found =
+            format!("{found}, on Wine {version}: nothing of AMD's is promised there, and analytic is what runs best");
     }
     let met = build.is_some_and(|[_, _, build]| build >= WINDOWS_11);
     let needed = "Windows 11 (build 22000) for ml; Windows 10 for analytic";
