@@ -57,6 +57,20 @@ fn script(family: Family, number: u32) -> Result<&'static str> {
     })
 }
 
+/// Checks a choice of held-out walks: their number in each level, and the seconds of each.
+///
+/// # Errors
+/// `InvalidArgument` for walks that do not exist, of the option that chose them.
+pub(crate) fn check_held_out(walks: u32, seconds: u32) -> Result<()> {
+    let limits = [("--walks", walks, HELD_OUT_WALKS), ("--seconds", seconds, HELD_OUT_SECONDS)];
+    let Some((option, value, most)) = limits.into_iter().find(|(_, value, most)| !(1..=*most).contains(value)) else {
+        return Ok(());
+    };
+    Err(Error::new(ErrorKind::InvalidArgument, format!("{value} is not from 1 to {most}"))
+        .field(option)
+        .remedy(format!("There are {HELD_OUT_WALKS} held-out walks of {HELD_OUT_SECONDS} s in each level")))
+}
+
 /// Held-out walk `number`, from 0, of a level.
 ///
 /// # Errors

@@ -15,10 +15,14 @@ use crate::{Error, Progress, Result, cache, process, repository};
 pub const BUNDLES: [&str; 8] =
     ["tiny", "window", "stream", "joined", "demo", "tiny-residual", "miniature-8bit", "miniature-4bit"];
 
-/// The embedded world with smaller weights: in 8 bits, in 8 bits with activations in 8 bits, in 4 bits, and in 4 bits except for the two thirds of
-/// the matrices that keep a pass's error below 1 % when they stay in 16.
-pub const SMALL_WEIGHTS: [&str; 4] =
-    ["miniature-8bit", "miniature-8bit-activations", "miniature-4bit", "miniature-4bit-mixed"];
+/// The embedded world with quantised weights: names, and what the weights are. Of the last, so many matrices stay in 16 bits that a pass's error is
+/// below 1 %.
+pub const QUANTISED: [(&str, &str); 4] = [
+    ("miniature-8bit", "8 bits"),
+    ("miniature-8bit-activations", "8 bits, activations too"),
+    ("miniature-4bit", "4 bits"),
+    ("miniature-4bit-mixed", "4 bits, two thirds in 16"),
+];
 
 /// The matrices of `miniature-4bit-mixed` that stay in 16 bits.
 const MIXED: &str = "blocks.0,blocks.5,blocks.6,blocks.7,blocks.1.attn,blocks.2.attn,blocks.3.attn,blocks.4.attn";
@@ -26,7 +30,7 @@ const MIXED: &str = "blocks.0,blocks.5,blocks.6,blocks.7,blocks.1.attn,blocks.2.
 /// The world inside the library.
 const EMBEDDED: &str = "samples/worlds/miniature.cairn";
 
-/// The directory of the world `name`, one of [`BUNDLES`] or [`SMALL_WEIGHTS`]; built on first use.
+/// The directory of the world `name`, one of [`BUNDLES`] or [`QUANTISED`]; built on first use.
 ///
 /// A built world is kept as long as the builder's sources and the embedded world stay the same, to the byte.
 ///
@@ -35,7 +39,7 @@ const EMBEDDED: &str = "samples/worlds/miniature.cairn";
 pub fn bundle(name: &str, progress: &dyn Progress) -> Result<PathBuf> {
     let wanted = format!("the test world \"{name}\"");
     let Some((source, options)) = recipe(name) else {
-        let remedy = format!("Ask for one of {}, {}", BUNDLES.join(", "), SMALL_WEIGHTS.join(", "));
+        let remedy = format!("Ask for one of {}", names().collect::<Vec<_>>().join(", "));
         return Err(Error::new(wanted, "there is no such world", remedy));
     };
     let key = key()?;
@@ -80,7 +84,13 @@ pub fn bundle(name: &str, progress: &dyn Progress) -> Result<PathBuf> {
     Ok(folder)
 }
 
-/// What a world is made of.
+/// The names of all worlds, once each.
+fn names() -> impl Iterator<Item = &'static str> {
+    let others = QUANTISED.into_iter().map(|(name, _)| name).filter(|name| !BUNDLES.contains(name));
+    BUNDLES.into_iter().chain(others)
+}
+
+/// Source of a world's weights.
 enum Source {
     /// Random weights and the shapes of a preset.
     Random(&'static str),
@@ -88,7 +98,7 @@ enum Source {
     Embedded,
 }
 
-/// How the world `name` is made: of what, and with which options of the builder; `None` if there is no such world.
+/// Source and builder options of the world `name`; `None` if there is no such world.
 fn recipe(name: &str) -> Option<(Source, &'static [&'static str])> {
     Some(match name {
         "tiny" => (Source::Random("tiny"), &[]),
@@ -127,7 +137,7 @@ fn key() -> Result<String> {
         .map_err(|e| Error::io(&world, &e))?;
     let mut hash = Sha256::new();
     hash.update(builder_key(&python_path())?);
-    for name in BUNDLES.iter().chain(&SMALL_WEIGHTS) {
+    for name in names() {
         let options = recipe(name).map_or(&[][..], |(_, options)| options);
         hash.update(format!("{name} {}\n", options.join(" ")));
     }
@@ -186,7 +196,7 @@ mod tests {
 
     #[test]
     fn every_named_world_has_a_command() {
-        for name in BUNDLES.iter().chain(&SMALL_WEIGHTS) {
+        for name in names() {
             assert!(recipe(name).is_some(), "{name}");
         }
     }

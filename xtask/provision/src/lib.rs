@@ -41,7 +41,7 @@ mod python;
 pub mod tools;
 pub mod wheels;
 
-pub use bundles::{BUNDLES, SMALL_WEIGHTS, bundle, test_bundles};
+pub use bundles::{BUNDLES, QUANTISED, bundle, test_bundles};
 pub use cache::cache_dir;
 pub use d3dcompiler::d3dcompiler;
 pub use dotnet::{DotNet, dotnet, dotnet_for_windows};

@@ -21,7 +21,7 @@ Examples:
 
   python -m cairn.build quantise mine --weights 8 --out mine-8bit
   study weights --world mine mine-8bit
-      A world of your own, and what was made of it.
+      A world of your own beside the same one in 8 bits.
 
 Every rollout starts from the first true picture of a walk through one of the four levels that training refused, and gets the
 controls. All worlds have the same controls and the same noise. Their pictures are compared with the true ones twice a second.

@@ -24,13 +24,13 @@ pub mod weights;
 
 use std::sync::atomic::AtomicBool;
 
+use cairn::Result;
 use cairn::bundle::Bundle;
 use cairn::world::{OperatingPoint, Preset, Schedule};
-use cairn::{Error, ErrorKind, Result};
 
 use crate::experiment::files::Files;
 use crate::experiment::{self, Inputs, seed_list};
-use crate::level::{HELD_OUT_SECONDS, HELD_OUT_WALKS};
+use crate::level::{self, HELD_OUT_SECONDS, HELD_OUT_WALKS};
 use crate::progress::Progress;
 use figures::{PlaceResult, Results};
 use media::encode_small_png;
@@ -75,17 +75,7 @@ impl Settings {
     /// `InvalidArgument` for a scene seed that is not held out, or that is sealed, and for walks that do not exist.
     pub fn check(&self) -> Result<()> {
         self.common.check()?;
-        let limits = [("--walks", self.walks, HELD_OUT_WALKS), ("--seconds", self.seconds, HELD_OUT_SECONDS)];
-        for (option, value, most) in limits {
-            if !(1..=most).contains(&value) {
-                return Err(Error::new(ErrorKind::InvalidArgument, format!("{value} is not from 1 to {most}"))
-                    .field(option)
-                    .remedy(format!(
-                        "There are {HELD_OUT_WALKS} held-out walks of {HELD_OUT_SECONDS} s in each level"
-                    )));
-            }
-        }
-        Ok(())
+        level::check_held_out(self.walks, self.seconds)
     }
 
     /// The command line that measures the same.
@@ -218,6 +208,7 @@ fn head(settings: &Settings, bundle: &Bundle, point: &OperatingPoint) -> String 
 mod tests {
     use std::path::PathBuf;
 
+    use cairn::ErrorKind;
     use scenes::Family;
 
     use super::*;

@@ -8,13 +8,15 @@ mod measure;
 mod report;
 
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use cairn::bundle::Bundle;
 use cairn::runtime::{CpuOptions, Device};
 use cairn::world::{OperatingPoint, Preset, World, WorldOptions};
 use cairn::{Error, ErrorKind, Result};
+use rayon::ThreadPoolBuilder;
+use rayon::prelude::*;
 
 use super::place::Place;
 use crate::experiment::Outcome;
@@ -22,7 +24,7 @@ use crate::experiment::files::{Files, docs, write_all};
 use crate::experiment::provenance::stamped;
 use crate::experiment::result_cache::ResultCache;
 use crate::inputs;
-use crate::level::{HELD_OUT_SECONDS, HELD_OUT_WALKS};
+use crate::level::{self, HELD_OUT_SECONDS};
 use crate::metrics::{Lpips, Net};
 use crate::progress::{Progress, check_stop};
 use crate::workers::check_jobs;
@@ -63,17 +65,7 @@ impl Settings {
     /// `InvalidArgument` for walks that do not exist, and for no jobs.
     pub fn check(&self) -> Result<()> {
         check_jobs(self.jobs)?;
-        let limits = [("--walks", self.walks, HELD_OUT_WALKS), ("--seconds", self.seconds, HELD_OUT_SECONDS)];
-        for (option, value, most) in limits {
-            if !(1..=most).contains(&value) {
-                return Err(Error::new(ErrorKind::InvalidArgument, format!("{value} is not from 1 to {most}"))
-                    .field(option)
-                    .remedy(format!(
-                        "There are {HELD_OUT_WALKS} held-out walks of {HELD_OUT_SECONDS} s in each level"
-                    )));
-            }
-        }
-        Ok(())
+        level::check_held_out(self.walks, self.seconds)
     }
 
     /// The command line that measures the same.
@@ -147,9 +139,9 @@ fn inputs(settings: &Settings, progress: &Progress) -> Result<Inputs> {
     let name = if settings.world.is_some() { &first.manifest().name } else { "16 bits" };
     let mut bundles = vec![(name.to_owned(), first.clone())];
     if settings.others.is_empty() {
-        for world in provision::SMALL_WEIGHTS {
+        for (world, weights) in provision::QUANTISED {
             let folder = provision::bundle(world, progress).map_err(|e| inputs::not_provided(&e, ErrorKind::Io))?;
-            bundles.push((built_in_name(world), inputs::world(Some(&folder), progress)?.0));
+            bundles.push((weights.to_owned(), inputs::world(Some(&folder), progress)?.0));
         }
     }
     for path in &settings.others {
@@ -179,16 +171,6 @@ fn inputs(settings: &Settings, progress: &Progress) -> Result<Inputs> {
     Ok(Inputs { worlds, point: point.clone(), onnxruntime: onnxruntime.sha256 })
 }
 
-/// The row of one of [`provision::SMALL_WEIGHTS`].
-fn built_in_name(world: &str) -> String {
-    let weights = world.trim_start_matches("miniature-").replacen("bit", " bits", 1);
-    match weights.split_once('-') {
-        Some((bits, "activations")) => format!("{bits}, activations too"),
-        Some((bits, _)) => format!("{bits}, two thirds in 16"),
-        None => weights,
-    }
-}
-
 /// Measures all walks, `settings.jobs` at a time.
 fn measure_all(
     settings: &Settings,
@@ -201,7 +183,7 @@ fn measure_all(
     let Inputs { worlds, point, onnxruntime } = inputs;
     let latents = super::walk::step_at(point, settings.seconds.into());
     progress.begin(latents * (places.len() * worlds.len()) as u64);
-    let (next, done, has_failed) = (AtomicUsize::new(0), AtomicU64::new(0), AtomicBool::new(false));
+    let (done, has_failed) = (AtomicU64::new(0), AtomicBool::new(false));
     let count = |latents: u64| progress.frames(done.fetch_add(latents, Ordering::Relaxed) + latents);
     let proceed = || {
         check_stop(stop)?;
@@ -232,32 +214,20 @@ fn measure_all(
         let rollouts = worlds.iter().map(rollout).collect::<Result<_>>()?;
         Ok(Measured { truth: walk.truth, rollouts })
     };
-    let results: Vec<Mutex<Option<Result<Measured>>>> = places.iter().map(|_| Mutex::new(None)).collect();
-    std::thread::scope(|scope| {
-        for _ in 0..settings.jobs.min(places.len()) {
-            scope.spawn(|| {
-                while let number = next.fetch_add(1, Ordering::Relaxed)
-                    && let Some((place, result)) = places.get(number).zip(results.get(number))
-                    && !has_failed.load(Ordering::Relaxed)
-                {
-                    let measured = one(*place);
-                    // Before the flag, after which others fail with `Cancelled`.
-                    let has_failed_now = measured.is_err();
-                    *result.lock().unwrap_or_else(PoisonError::into_inner) = Some(measured);
-                    has_failed.fetch_or(has_failed_now, Ordering::Relaxed);
-                }
-            });
-        }
-    });
+    let measure = |place: &Place| {
+        let measured = one(*place);
+        has_failed.fetch_or(measured.is_err(), Ordering::Relaxed);
+        measured
+    };
+    let pool = ThreadPoolBuilder::new().num_threads(settings.jobs).build();
+    let pool = pool.map_err(|e| Error::new(ErrorKind::Unsupported, e.to_string()).field("--jobs"))?;
+    let results: Vec<Result<Measured>> = pool.install(|| places.par_iter().map(measure).collect());
     progress.end();
-    let results = results.into_iter().map(|result| result.into_inner().unwrap_or_else(PoisonError::into_inner));
-    let (measured, failures): (Vec<_>, Vec<_>) = results.flatten().partition(Result::is_ok);
-    // A failure of its own comes before those of the walks that it ended.
-    let mut failures: Vec<Error> = failures.into_iter().filter_map(Result::err).collect();
-    failures.sort_by_key(|error| error.kind() == ErrorKind::Cancelled);
-    match failures.into_iter().next() {
-        Some(failure) => Err(failure),
-        None => measured.into_iter().collect(),
+    // The failure of one walk ends the others with `Cancelled`.
+    let is_cause = |result: &Result<Measured>| result.as_ref().is_err_and(|e| e.kind() != ErrorKind::Cancelled);
+    match results.iter().position(is_cause) {
+        Some(cause) => results.into_iter().skip(cause).take(1).collect(),
+        None => results.into_iter().collect(),
     }
 }
 
@@ -299,11 +269,5 @@ mod tests {
         ] {
             assert_eq!(wrong.check().unwrap_err().offending_field(), Some(field));
         }
-    }
-
-    #[test]
-    fn rows_say_what_their_weights_are() {
-        let names: Vec<String> = provision::SMALL_WEIGHTS.iter().map(|world| built_in_name(world)).collect();
-        assert_eq!(names, ["8 bits", "8 bits, activations too", "4 bits", "4 bits, two thirds in 16"]);
     }
 }

@@ -180,7 +180,7 @@ impl Results<'_> {
 }
 
 const INTRODUCTION: &str = "\
-# Small weights over a minute
+# Quantised weights over a minute
 
 How far long rollouts of a world with weights in 8 or 4 bits are from the truth, beside those of the same world with weights in 16 bits. All are
 [the world inside the library](world.md), quantised by `python -m cairn.build quantise`. [Section 4 of the bundle format](bundle.md) has errors of single
