@@ -1844,7 +1844,7 @@ typedef struct cairn_budget {
     const char *schedules;
     /**
      * Further worlds of the same bundle, loaded with other global windows, to which the rollout may move. A window with a slice that was longer than
-     * longest_submission_us when its world was loaded is used only if no other fits the memory. May be null: the window then does
+     * longest_submission_us when its world was loaded is used only if no window that fits the memory keeps to it. May be null: the window then does
      * not change.
      */
     const cairn_world *const *worlds;

@@ -33,7 +33,7 @@ pub struct cairn_budget {
     /// explicit:1:0.5:0"; null for the rollout's own only.
     pub schedules: *const c_char,
     /// Further worlds of the same bundle, loaded with other global windows, to which the rollout may move. A window with a slice that was longer than
-    /// longest_submission_us when its world was loaded is used only if no other fits the memory. May be null: the window then does
+    /// longest_submission_us when its world was loaded is used only if no window that fits the memory keeps to it. May be null: the window then does
     /// not change.
     pub worlds: *const *const cairn_world,
     /// Number of worlds, at most CAIRN_MAX_BUDGET_WORLDS.

@@ -47,7 +47,7 @@ impl LatentTime {
     }
 }
 
-/// What a latent costs, as the mean of some.
+/// Mean cost of a latent.
 ///
 /// ```text
 /// time of a latent of n denoise passes = (n + other_passes) * pass + rest
