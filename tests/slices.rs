@@ -187,9 +187,19 @@ fn slices_are_models_whose_layers_are_those_of_the_whole() {
     let bundle = embedded();
     let onnx = bundle.model(GraphKind::Transformer, Precision::F32).expect("a model").onnx;
     let layers = bundle.geometry().layers;
-    let slices = slice_transformer(onnx, bundle.manifest(), Precision::F32, 128, layers).expect("slices");
+    let models = slice_transformer(onnx, bundle.manifest(), Precision::F32, 128, layers).expect("slices");
+    let (conditioning, slices) = models.split_first().expect("models");
     assert_eq!(slices.len(), layers as usize);
     let has = |slice: &[u8], text: &str| slice.windows(text.len()).any(|bytes| bytes == text.as_bytes());
+    for weight in ["denoise_step_emb.mlp.fc2.weight", "cond_head.cond_proj.weight", "out_norm.fc.weight"] {
+        assert!(has(conditioning, weight) && !slices.iter().any(|slice| has(slice, weight)), "{weight}");
+    }
+    for input in ["sigma", "controls", "past.0.k"] {
+        // As protobuf writes a name: the field's number and type, and the length.
+        let name = format!("\n{}{input}", char::from(input.len() as u8));
+        assert_eq!(has(conditioning, &name), input == "sigma", "{input}");
+        assert_eq!(slices.iter().any(|slice| has(slice, &name)), input != "sigma", "{input}");
+    }
     for (i, slice) in slices.iter().enumerate() {
         for layer in 0..layers as usize {
             // The ring and the weights of a layer belong to its slice alone.

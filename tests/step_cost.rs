@@ -54,12 +54,17 @@ fn a_latent_step_transfers_only_the_new_slabs_and_its_inputs() {
         let keys = |buckets: u32| u64::from((buckets + 1) * g.tokens) * 4;
         let masks = keys(g.local.window) + keys(g.global.window / g.global.dilation);
         let (passes, controls_bytes) = (5, bundle.manifest().controls.len() as u64 * 4);
+        // Six vectors for each layer, and two for the output.
+        let conditioning = u64::from((6 * g.layers + 2) * g.width) * 4;
         for i in 0..20 {
             let plan = rollout.planner().plan_step(&controls(i)).expect("a plan");
             let info = rollout.step(&controls(i)).expect("a step");
             assert_eq!(info.bytes.read, 0, "nothing is read back unless requested");
-            assert_eq!(info.bytes.uploaded, latent + rope + masks + controls_bytes + passes * 8);
-            assert_eq!(info.bytes.copied, info.ring_bytes + latent + passes * 8);
+            // The append before the steps uploaded that of noise level 0.
+            let new_levels = if i == 0 { passes - 1 } else { 0 };
+            let inputs = latent + rope + masks + controls_bytes + passes * 8;
+            assert_eq!(info.bytes.uploaded, inputs + new_levels * conditioning);
+            assert_eq!(info.bytes.copied, info.ring_bytes + latent + passes * (4 + conditioning));
             let slab = u64::from(g.kv_heads * g.tokens * g.head_width) * 4;
             let layers = (0..g.layers).filter(|&layer| !g.is_global(layer) || plan.global.slot.is_some()).count();
             assert_eq!(info.ring_bytes, layers as u64 * 2 * slab, "{name}, latent {i}");

@@ -22,7 +22,7 @@ pub struct GraphCost {
 /// Cost of a world's graphs at one global window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct WorldCost {
-    /// One pass of the transformer: a denoise pass or a cache pass.
+    /// One pass of the transformer: a denoise pass or a cache pass, without the conditioning, which is computed once for each noise level.
     pub pass: GraphCost,
     /// Encoding pictures into a latent.
     pub encode: GraphCost,
@@ -37,8 +37,10 @@ impl Bundle {
     /// As [`memory_need`](Self::memory_need).
     pub fn cost(&self, precision: Precision, g: u32) -> Result<WorldCost> {
         self.geometry().check_window(g)?;
-        let [pass, encode, decode] =
-            GraphKind::REQUIRED.map(|kind| self.footprint(kind, precision, g).map(|footprint| footprint.cost));
-        Ok(WorldCost { pass: pass?, encode: encode?, decode: decode? })
+        let [encode, decode] = [GraphKind::Encoder, GraphKind::Decoder]
+            .map(|kind| self.footprint(kind, precision, g).map(|footprint| footprint.cost));
+        let slices = self.splitting(GraphKind::Transformer, precision, g)?.split(1)?;
+        let pass = slices.models.first().map(|model| model.footprint.cost).unwrap_or_default();
+        Ok(WorldCost { pass, encode: encode?, decode: decode? })
     }
 }

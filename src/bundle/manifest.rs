@@ -371,7 +371,7 @@ impl GraphKind {
     pub const REQUIRED: [Self; 3] = [Self::Transformer, Self::Encoder, Self::Decoder];
 
     /// Latents of one run.
-    pub(super) fn latents(self) -> u32 {
+    pub(crate) fn latents(self) -> u32 {
         if self == Self::Joined { 2 } else { 1 }
     }
 }

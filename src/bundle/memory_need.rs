@@ -1,6 +1,6 @@
 //! Estimate of the memory that a world needs, computed before anything is loaded.
 
-use super::onnx::{Footprint, ModelContext, Slices, footprint};
+use super::onnx::{ConditioningModel, Footprint, ModelContext, Slices, footprint};
 use super::{Bundle, Geometry, GraphKind, Precision};
 use crate::{Error, ErrorKind, Result};
 
@@ -21,6 +21,7 @@ pub enum Processor {
 /// ring          = sum over layers of 2 * kv_heads * slots * T * head_width * F
 /// slabs         = layers * 2 * kv_heads * T * head_width * F
 /// weights       = every constant that a run reads, in the type in which it reads it: an f32 graph holds f16 weights as f32
+/// conditioning  = weights that passes read through their noise levels alone, as they are stored: the world keeps them in the host's memory
 /// intermediates = peak of the transformer's live intermediate values over all nodes; a value lives from the node that produces
 ///                 it to the last node that reads it, and `Reshape` shares its input's memory
 /// unpacked      = the largest matrix that a processor unpacks from 8 or 4 bits to multiply by it; one at a time is unpacked
@@ -28,6 +29,9 @@ pub enum Processor {
 /// arena         = intermediates + encoder's and decoder's intermediate values, a second time
 /// total         = bundle + the sum of these
 /// ```
+///
+/// A world computes the conditioning of a noise level once, in a session of its own that it drops, so that `weights` has none of it. What rollouts keep
+/// of it, a set of values for each noise level of the stock schedule, is part of `intermediates`.
 ///
 /// With joined passes, `weights`, `intermediates` and `unpacked` are the sums of both graphs, except for weights that they share; there are three
 /// times the slabs.
@@ -47,6 +51,8 @@ pub struct MemoryNeed {
     pub bundle: u64,
     /// Weights as the runtime holds them, of all models.
     pub weights: u64,
+    /// Weights of the conditioning, in the host's memory.
+    pub conditioning: u64,
     /// Keys and values of one rollout's ring.
     pub ring: u64,
     /// Keys and values of the current frame.
@@ -76,10 +82,11 @@ impl MemoryNeed {
         }
         let mib = |bytes: u64| bytes.div_ceil(1 << 20);
         let cause = format!(
-            "{} MiB are needed (bundle {}, weights {}, ring {}, slabs {}, intermediates {}, unpacked {}, autoencoder {}, arena {}), {} MiB are available",
+            "{} MiB are needed (bundle {}, weights {}, conditioning {}, ring {}, slabs {}, intermediates {}, unpacked {}, autoencoder {}, arena {}), {} MiB are available",
             mib(self.total),
             mib(self.bundle),
             mib(self.weights),
+            mib(self.conditioning),
             mib(self.ring),
             mib(self.slabs),
             mib(self.intermediates),
@@ -93,12 +100,12 @@ impl MemoryNeed {
             .remedy("Choose a smaller global window or a smaller bundle, or free memory"))
     }
 
-    /// Refuses a need of more than `available` bytes on a graphics device, which holds everything except the bundle's files.
+    /// Refuses a need of more than `available` bytes on a graphics device, which holds everything except the bundle's files and the conditioning.
     ///
     /// # Errors
     /// `OutOfMemory`, with the numbers.
     pub fn check_fits_on_device(&self, available: u64) -> Result<()> {
-        let needed = self.total.saturating_sub(self.bundle);
+        let needed = self.total.saturating_sub(self.bundle).saturating_sub(self.conditioning);
         if needed <= available {
             return Ok(());
         }
@@ -163,6 +170,10 @@ struct Need {
     unpacked: u64,
     /// Intermediate tensors between slices.
     between_slices: u64,
+    /// Weights of the conditioning, as they are stored.
+    conditioning: u64,
+    /// What it makes of the noise levels of a pass.
+    conditioning_values: u64,
 }
 
 impl Need {
@@ -175,13 +186,35 @@ impl Need {
             largest: footprints.iter().map(|f| f.largest).max().unwrap_or(0),
             unpacked: footprints.iter().map(|f| f.unpacked.on(processor)).fold(0, u64::saturating_add),
             between_slices: 0,
+            conditioning: 0,
+            conditioning_values: 0,
+        }
+    }
+
+    /// Of two graphs, each with sessions of its own.
+    fn with(&self, other: &Self) -> Self {
+        Self {
+            weights: self.weights.saturating_add(other.weights),
+            peak: self.peak.saturating_add(other.peak),
+            largest: self.largest.max(other.largest),
+            unpacked: self.unpacked.saturating_add(other.unpacked),
+            between_slices: self.between_slices.saturating_add(other.between_slices),
+            conditioning: self.conditioning.saturating_add(other.conditioning),
+            conditioning_values: self.conditioning_values.saturating_add(other.conditioning_values),
         }
     }
 
     fn in_slices(slices: &Slices, processor: Processor) -> Self {
         let footprints: Vec<Footprint> = slices.models.iter().map(|model| model.footprint).collect();
         let between_slices = slices.buffer_sizes.iter().map(|&bytes| bytes as u64).fold(0, u64::saturating_add);
-        Self { between_slices, ..Self::of(&footprints, processor) }
+        let conditioning = slices.conditioning.as_ref();
+        let values = |model: &ConditioningModel| model.values.iter().map(|value| value.bytes() as u64).sum();
+        Self {
+            between_slices,
+            conditioning: conditioning.map_or(0, |model| model.stored_weights),
+            conditioning_values: conditioning.map_or(0, values),
+            ..Self::of(&footprints, processor)
+        }
     }
 }
 
@@ -209,14 +242,19 @@ impl Bundle {
     ) -> Result<MemoryNeed> {
         let geometry = self.geometry();
         geometry.check_window(g)?;
-        let [transformer, encoder, decoder] = GraphKind::REQUIRED.map(|kind| self.footprint(kind, precision, g));
-        let (transformer, encoder, decoder) = (transformer?, encoder?, decoder?);
+        let [encoder, decoder] =
+            [GraphKind::Encoder, GraphKind::Decoder].map(|kind| self.footprint(kind, precision, g));
+        let (encoder, decoder) = (encoder?, decoder?);
+        let in_slices = |kind, slices| {
+            let split = self.splitting(kind, precision, g)?.split(slices)?;
+            Ok::<_, Error>(Need::in_slices(&split, processor))
+        };
         let transformer = match passes {
-            Passes::Whole | Passes::Slices(1) => Need::of(&[transformer], processor),
-            Passes::Slices(slices) => Need::in_slices(&self.splitting(precision, g)?.split(slices)?, processor),
+            Passes::Whole => in_slices(GraphKind::Transformer, 1)?,
+            Passes::Slices(slices) => in_slices(GraphKind::Transformer, slices)?,
             Passes::Joined { shared_weights } => {
-                let joined = self.footprint(GraphKind::Joined, precision, g)?;
-                let both = Need::of(&[transformer, joined], processor);
+                let transformer = in_slices(GraphKind::Transformer, 1)?;
+                let both = transformer.with(&in_slices(GraphKind::Joined, 1)?);
                 if shared_weights { Need { weights: transformer.weights, ..both } } else { both }
             }
         };
@@ -234,12 +272,18 @@ impl Bundle {
         let coding = encoder.peak.saturating_add(decoder.peak);
         let autoencoder = coding.saturating_add(self.autoencoder_ports() * number);
         let arena = coding.saturating_add(transformer.peak);
-        let intermediates = transformer.peak.saturating_add(transformer.between_slices);
+        // Of each level, of 0, and those that passes read.
+        let levels = self.manifest.sampler.schedule.len() as u64 + 1;
+        let conditioning_values = transformer.conditioning_values.saturating_mul(levels);
+        let intermediates =
+            transformer.peak.saturating_add(transformer.between_slices).saturating_add(conditioning_values);
         let bundle = self.files.values().map(|bytes| bytes.len() as u64).fold(0, u64::saturating_add);
-        let parts = [bundle, weights, ring, slabs, intermediates, unpacked, autoencoder, arena];
+        let conditioning = transformer.conditioning;
+        let parts = [bundle, weights, conditioning, ring, slabs, intermediates, unpacked, autoencoder, arena];
         Ok(MemoryNeed {
             bundle,
             weights,
+            conditioning,
             ring,
             slabs,
             intermediates,
@@ -290,7 +334,8 @@ mod tests {
     fn a_need_above_the_limit_is_refused_with_its_parts() {
         let need = MemoryNeed {
             bundle: 1 << 20,
-            weights: 2 << 20,
+            weights: 1 << 20,
+            conditioning: 1 << 20,
             ring: 3 << 20,
             slabs: 0,
             intermediates: 4 << 20,
@@ -308,12 +353,12 @@ mod tests {
             text.contains("10 MiB are needed") && text.contains("ring 3") && text.contains("9 MiB are available"),
             "{text}"
         );
-        // The bundle's files are in system memory and not in the adapter's.
-        assert!(need.check_fits_on_device(9 << 20).is_ok());
-        let error = need.check_fits_on_device((9 << 20) - 1).unwrap_err();
+        // The bundle's files and the conditioning are in system memory and not in the adapter's.
+        assert!(need.check_fits_on_device(8 << 20).is_ok());
+        let error = need.check_fits_on_device((8 << 20) - 1).unwrap_err();
         assert_eq!(error.kind(), ErrorKind::OutOfMemory);
         let text = error.to_string();
-        assert!(text.contains("9 MiB of the adapter are needed, 8 MiB are left"), "{text}");
+        assert!(text.contains("8 MiB of the adapter are needed, 7 MiB are left"), "{text}");
     }
 
     #[cfg(any(target_os = "linux", windows))]

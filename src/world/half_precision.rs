@@ -5,6 +5,7 @@
 
 use half::f16;
 
+use super::conditioning::ConditioningInputs;
 use super::convert::{self, Uploader};
 use super::graph_spec::{self, GraphSpec, Shapes};
 use super::noise::NoiseKey;
@@ -212,6 +213,7 @@ struct TransformerPass {
     slabs: usize,
     slab_len: usize,
     binding: PassBinding,
+    conditioning: Option<ConditioningInputs>,
     peaks: Vec<f32>,
 }
 
@@ -240,8 +242,9 @@ impl TransformerPass {
             mask[..past].fill(HIDDEN);
             uploader.upload(context, buffer, &mask)?;
         }
-        let intermediates = transformer.intermediate_buffers(context)?;
-        let binding = transformer.bind(context, &buffers, &intermediates)?;
+        let shared = transformer.shared_buffers(context)?;
+        let binding = transformer.bind(context, &buffers, &shared)?;
+        let conditioning = ConditioningInputs::of(context, transformer, &shared, 1)?;
         let (inputs, outputs) = buffers.split_at(transformer.input_count());
         let slabs = 2 * shapes.layers;
         Ok(Self {
@@ -252,6 +255,7 @@ impl TransformerPass {
             slabs,
             slab_len: shapes.slab_len(),
             binding,
+            conditioning,
             peaks: vec![0.0; outputs.len() - 1 - slabs],
         })
     }
@@ -260,6 +264,11 @@ impl TransformerPass {
         self.uploader.upload(context, self.inputs[0], x)?;
         for (buffer, value) in [(self.inputs[1], sigma), (self.inputs[2], dsigma)] {
             context.upload(buffer, 0, &value.to_ne_bytes())?;
+        }
+        if let Some(conditioning) = &mut self.conditioning {
+            let levels = [sigma];
+            conditioning.prepare(context, std::iter::once(&levels[..]))?;
+            conditioning.select(context, &levels)?;
         }
         self.binding.run(context)?;
         for (largest, buffer) in self.peaks.iter_mut().zip(&self.outputs[1 + self.slabs..]) {

@@ -1,5 +1,6 @@
 //! The joined pass of a rollout: the cache pass of the finished latent and the first denoise pass of the next, in one run.
 
+use super::conditioning::ConditioningInputs;
 use super::convert::{self, Uploader};
 use super::graph_spec::{JOINED_LATENTS, Shapes};
 use super::kv_cache::KvCache;
@@ -18,6 +19,7 @@ pub(super) struct JoinedPass {
     inputs: PassInputs,
     /// `bindings[i]` reads `x[i]` and writes the other, as those of the single passes.
     bindings: [PassBinding; 2],
+    conditioning: Option<ConditioningInputs>,
     uploader: Uploader,
     // Host memory for uploads, reused so that a step allocates nothing.
     rope: [Vec<f32>; 2],
@@ -38,17 +40,19 @@ impl JoinedPass {
         let mask_len = |global| JOINED_LATENTS * shapes.keys_with(global, JOINED_LATENTS);
         let (angles, control_len) = (JOINED_LATENTS * shapes.rope_len(), JOINED_LATENTS * shapes.controls);
         let inputs = PassInputs::new(context, &shapes, precision, JOINED_LATENTS)?;
-        let intermediates = joined.intermediate_buffers(context)?;
+        let shared = joined.shared_buffers(context)?;
+        let conditioning = ConditioningInputs::of(context, joined, &shared, 1)?;
         let mut bind = |x: BufferId, x_next: BufferId| {
             let inputs = [x, finished].into_iter().chain(inputs.in_order());
             let tensors: Vec<_> = inputs.chain(kv.rings()).chain([x_next]).chain(kv.finished_slabs()).collect();
-            joined.bind(context, &tensors, &intermediates)
+            joined.bind(context, &tensors, &shared)
         };
         let bindings = [bind(x[0], x[1])?, bind(x[1], x[0])?];
         Ok(Self {
             shapes,
             inputs,
             bindings,
+            conditioning,
             uploader: Uploader::new(precision, mask_len(false).max(mask_len(true)))?,
             rope: [convert::zeroed(angles)?, convert::zeroed(angles)?],
             controls_of_both: convert::zeroed(control_len)?,
@@ -66,7 +70,12 @@ impl JoinedPass {
     ) -> Result<()> {
         // An append has no noise level; the pass's result for its latent is ignored.
         let first = |levels: &[f32]| levels.first().copied().unwrap_or(0.0);
-        context.upload(self.inputs.sigma, 0, bytemuck::cast_slice(&[0.0, first(&plan.sigmas)]))?;
+        let levels = [0.0, first(&plan.sigmas)];
+        context.upload(self.inputs.sigma, 0, bytemuck::cast_slice(&levels))?;
+        if let Some(conditioning) = &mut self.conditioning {
+            conditioning.prepare(context, std::iter::once(&levels[..]))?;
+            conditioning.select(context, &levels)?;
+        }
         context.upload(self.inputs.dsigma, 0, bytemuck::cast_slice(&[first(&plan.dsigmas)]))?;
         let [cosines, sines] = &mut self.rope;
         let half = self.shapes.rope_len();
@@ -88,6 +97,11 @@ impl JoinedPass {
             self.uploader.upload(context, buffer, mask)?;
         }
         Ok(())
+    }
+
+    /// Forgets what was uploaded in earlier steps.
+    pub(super) fn forget_conditioning(&mut self) {
+        self.conditioning.iter_mut().for_each(ConditioningInputs::forget);
     }
 
     /// Runs the pass from latent buffer `from`.

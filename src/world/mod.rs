@@ -6,6 +6,7 @@
 
 mod anchor;
 mod autoencoder;
+mod conditioning;
 mod controls;
 mod convert;
 #[cfg(test)]

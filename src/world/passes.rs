@@ -1,5 +1,6 @@
 //! The transformer of one rollout: its input buffers and the passes that read them.
 
+use super::conditioning::ConditioningInputs;
 use super::convert::{self, Uploader};
 use super::graph_spec::Shapes;
 use super::joined_pass::JoinedPass;
@@ -34,6 +35,9 @@ pub(super) struct Passes {
     table: BufferId,
     /// `bindings[i]` reads `x[i]` and writes the other.
     bindings: [PassBinding; 2],
+    conditioning: Option<ConditioningInputs>,
+    /// Whether passes read noise levels, beside the conditioning.
+    reads_levels: bool,
     joined: Option<JoinedPass>,
     uploader: Uploader,
     staging: Staging,
@@ -64,11 +68,12 @@ impl Passes {
         let x = [context.buffer(shapes.latent_len() * element)?, context.buffer(shapes.latent_len() * element)?];
         let inputs = PassInputs::new(context, &shapes, precision, 1)?;
         let table = context.buffer(MAX_POINTS * ROW)?;
-        let intermediates = world.transformer.intermediate_buffers(context)?;
+        let shared = world.transformer.shared_buffers(context)?;
+        let conditioning = ConditioningInputs::of(context, &world.transformer, &shared, world.kept_levels())?;
         let mut bind = |x: BufferId, x_next: BufferId| {
             let inputs = [x].into_iter().chain(inputs.in_order());
             let tensors: Vec<_> = inputs.chain(kv.rings()).chain([x_next]).chain(kv.slabs()).collect();
-            world.transformer.bind(context, &tensors, &intermediates)
+            world.transformer.bind(context, &tensors, &shared)
         };
         let bindings = [bind(x[0], x[1])?, bind(x[1], x[0])?];
         let joined = world
@@ -93,6 +98,8 @@ impl Passes {
             inputs,
             table,
             bindings,
+            conditioning,
+            reads_levels: world.transformer.reads_levels(),
             joined,
             uploader: Uploader::new(precision, largest)?,
             staging,
@@ -132,7 +139,16 @@ impl Passes {
         s.table.clear();
         s.table.extend(plan.sigmas.iter().zip(&plan.dsigmas).map(|(&sigma, &dsigma)| [sigma, dsigma]));
         s.table.push(extra_row);
+        if let Some(conditioning) = &mut self.conditioning {
+            conditioning.prepare(context, s.table.iter().map(|row| &row[..1]))?;
+        }
         context.upload(self.table, 0, bytemuck::cast_slice(&s.table))
+    }
+
+    /// Makes the next step upload again what it would keep from earlier ones: after a failure, some of that may not have reached the device.
+    pub(super) fn forget_conditioning(&mut self) {
+        self.conditioning.iter_mut().for_each(ConditioningInputs::forget);
+        self.joined.iter_mut().for_each(JoinedPass::forget_conditioning);
     }
 
     /// Uploads the noise that the prepared plan starts from, if any.
@@ -169,8 +185,15 @@ impl Passes {
     }
 
     fn run(&self, context: &mut dyn ExecutionContext, row: usize, from: usize) -> Result<()> {
-        for (buffer, offset) in [(self.inputs.sigma, 0), (self.inputs.dsigma, ROW / 2)] {
-            context.copy(buffer, self.table, &[Region { to: 0, from: row * ROW + offset, len: ROW / 2 }])?;
+        let mut copy = |buffer, offset| {
+            context.copy(buffer, self.table, &[Region { to: 0, from: row * ROW + offset, len: ROW / 2 }])
+        };
+        if self.reads_levels {
+            copy(self.inputs.sigma, 0)?;
+        }
+        copy(self.inputs.dsigma, ROW / 2)?;
+        if let Some(conditioning) = &self.conditioning {
+            conditioning.select(context, &self.staging.table[row][..1])?;
         }
         self.bindings[from].run(context)
     }

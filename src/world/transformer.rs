@@ -5,10 +5,12 @@ use std::time::{Duration, Instant};
 
 use half::f16;
 
+use super::conditioning::Conditioning;
 use super::graph_spec::{self, GraphSpec, Shapes};
+use super::preset::Preset;
 use crate::Result;
 use crate::bundle::{
-    Bundle, GraphKind, IntermediateTensor, Manifest, ModelSource, Precision, SliceModel, SliceTensor, Slices,
+    Bundle, GraphKind, Manifest, ModelSource, NamedTensor, Precision, SliceModel, SliceTensor, Slices,
 };
 #[cfg(windows)]
 use crate::runtime::Work;
@@ -30,6 +32,8 @@ pub(super) struct Transformer {
     inputs: usize,
     /// Sizes in bytes of the buffers for intermediate tensors between slices.
     intermediates: Vec<usize>,
+    /// What it needs of the noise levels; `None` if it computes all of that in each pass.
+    conditioning: Option<Arc<Conditioning>>,
 }
 
 struct Slice {
@@ -45,6 +49,16 @@ enum Tensor {
     Whole(usize),
     /// A position in [`Transformer::intermediates`].
     Intermediate(usize),
+    /// A position in [`Conditioning::values`].
+    Conditioning(usize),
+}
+
+/// Buffers of one context that all bindings of a transformer share, because its passes follow each other.
+pub(super) struct SharedBuffers {
+    /// Intermediate tensors between slices.
+    intermediates: Vec<BufferId>,
+    /// The conditioning of the next pass.
+    pub(super) conditioning: Vec<BufferId>,
 }
 
 /// A transformer with all inputs and outputs bound to buffers of one context.
@@ -76,42 +90,17 @@ impl TransformerSource<'_> {
     /// # Errors
     /// As [`World::load_with`](super::World::load_with).
     pub(super) fn load(&self, slices: u32, proceed: &dyn Fn() -> Result<()>) -> Result<Transformer> {
-        let source = self.bundle.model(GraphKind::Transformer, self.precision)?;
         let spec = graph_spec::transformer(&self.manifest().geometry, self.shapes, self.precision);
-        let dimensions = graph_spec::dimensions(self.shapes, 1);
-        if slices == 1 {
+        let split = self.bundle.splitting(GraphKind::Transformer, self.precision, self.global_window)?.split(slices)?;
+        let levels = self.preset_levels().into_iter().map(|level| vec![level]).collect();
+        let what = |slice| match slices {
+            1 => "transformer".to_owned(),
+            _ => format!("transformer, slice {slice} of {slices}"),
+        };
+        self.sessions(GraphKind::Transformer, spec, split, levels, None, &|slice| {
             proceed()?;
-            let GraphSpec { inputs, outputs } = spec.clone();
-            let graph = self.device.graph("transformer", &source, &dimensions, inputs, outputs, None)?;
-            return Ok(Transformer::whole(graph, spec));
-        }
-        let Slices { models, intermediates, buffer_sizes } =
-            self.bundle.splitting(self.precision, self.global_window)?.split(slices)?;
-        let (inputs, whole) = (spec.inputs.len(), [spec.inputs, spec.outputs].concat());
-        let position = |tensor: &SliceTensor| match *tensor {
-            SliceTensor::Input(at) => Tensor::Whole(at),
-            SliceTensor::Output(at) => Tensor::Whole(inputs + at),
-            SliceTensor::Intermediate(at) => Tensor::Intermediate(intermediates[at].buffer),
-        };
-        let spec_of = |tensor: &SliceTensor| match *tensor {
-            SliceTensor::Input(at) => whole[at].clone(),
-            SliceTensor::Output(at) => whole[inputs + at].clone(),
-            SliceTensor::Intermediate(at) => {
-                let IntermediateTensor { name, precision, shape, .. } = &intermediates[at];
-                TensorSpec::new(name, *precision, shape)
-            }
-        };
-        let make = |(i, model): (usize, &SliceModel)| {
-            proceed()?;
-            let what = format!("transformer, slice {} of {slices}", i + 1);
-            let slice = ModelSource { onnx: &model.onnx, external: source.external.clone() };
-            let specs = |tensors: &[SliceTensor]| tensors.iter().map(spec_of).collect();
-            let (inputs, outputs) = (specs(&model.inputs), specs(&model.outputs));
-            let graph = self.device.graph(&what, &slice, &dimensions, inputs, outputs, None)?;
-            Ok(Slice { graph, tensors: model.inputs.iter().chain(&model.outputs).map(position).collect() })
-        };
-        let slices = models.iter().enumerate().map(make).collect::<Result<_>>()?;
-        Ok(Transformer { slices, tensors: whole, inputs, intermediates: buffer_sizes })
+            Ok(what(slice))
+        })
     }
 
     /// Makes the session of the joined graph, which uses the weights of `transformer` where its device can share them.
@@ -119,13 +108,73 @@ impl TransformerSource<'_> {
     /// # Errors
     /// As [`load`](Self::load), and `Unsupported` if the bundle has no joined graph.
     pub(super) fn load_joined(&self, transformer: &Transformer) -> Result<Transformer> {
-        let source = self.bundle.model(GraphKind::Joined, self.precision)?;
         let spec = graph_spec::joined(&self.manifest().geometry, self.shapes, self.precision);
-        let dimensions = graph_spec::dimensions(self.shapes, graph_spec::JOINED_LATENTS);
-        let GraphSpec { inputs, outputs } = spec.clone();
+        let split = self.bundle.splitting(GraphKind::Joined, self.precision, self.global_window)?.split(1)?;
+        let first = self.manifest().sampler.schedule.first().copied().unwrap_or_default() as f32;
         let shared = transformer.slices.first().map(|slice| &slice.graph);
-        let graph = self.device.graph("joined pass", &source, &dimensions, inputs, outputs, shared)?;
-        Ok(Transformer::whole(graph, spec))
+        let levels = vec![vec![0.0, first]];
+        self.sessions(GraphKind::Joined, spec, split, levels, shared, &|_| Ok("joined pass".to_owned()))
+    }
+
+    /// Makes the sessions of a transformer with the interface `spec`, and its conditioning at `levels`. `name` is called before each with the slice's
+    /// number, from 1.
+    fn sessions(
+        &self,
+        kind: GraphKind,
+        spec: GraphSpec,
+        split: Slices,
+        levels: Vec<Vec<f32>>,
+        shared: Option<&Arc<Graph>>,
+        name: &dyn Fn(usize) -> Result<String>,
+    ) -> Result<Transformer> {
+        let source = self.bundle.model(kind, self.precision)?;
+        let dimensions = graph_spec::dimensions(self.shapes, kind.latents() as usize);
+        let Slices { conditioning, models, intermediates, buffer_sizes } = split;
+        // First, so that its weights are gone from the device before the others are there.
+        let new_conditioning = |model| Conditioning::new(self.device, model, &source, kind.latents() as usize, &levels);
+        let conditioning = conditioning.as_ref().map(new_conditioning).transpose()?.map(Arc::new);
+        let (inputs, whole) = (spec.inputs.len(), [spec.inputs, spec.outputs].concat());
+        let position = |tensor: &SliceTensor| match *tensor {
+            SliceTensor::Input(at) => Tensor::Whole(at),
+            SliceTensor::Output(at) => Tensor::Whole(inputs + at),
+            SliceTensor::Intermediate(at) => Tensor::Intermediate(intermediates[at].buffer),
+            SliceTensor::Conditioning(at) => Tensor::Conditioning(at),
+        };
+        let spec_of = |tensor: &SliceTensor| match *tensor {
+            SliceTensor::Input(at) => whole[at].clone(),
+            SliceTensor::Output(at) => whole[inputs + at].clone(),
+            SliceTensor::Intermediate(at) => {
+                let NamedTensor { name, precision, shape } = &intermediates[at].tensor;
+                TensorSpec::new(name, *precision, shape)
+            }
+            SliceTensor::Conditioning(at) => {
+                conditioning.as_ref().expect("slices with conditioning").values()[at].clone()
+            }
+        };
+        let make = |(i, model): (usize, &SliceModel)| {
+            let what = name(i + 1)?;
+            let slice = ModelSource { onnx: &model.onnx, external: source.external.clone() };
+            let specs = |tensors: &[SliceTensor]| tensors.iter().map(spec_of).collect();
+            let (inputs, outputs) = (specs(&model.inputs), specs(&model.outputs));
+            let graph = self.device.graph(&what, &slice, &dimensions, inputs, outputs, shared)?;
+            Ok(Slice { graph, tensors: model.inputs.iter().chain(&model.outputs).map(position).collect() })
+        };
+        let slices = models.iter().enumerate().map(make).collect::<Result<_>>()?;
+        Ok(Transformer { slices, tensors: whole, inputs, intermediates: buffer_sizes, conditioning })
+    }
+
+    /// The noise levels of all presets, without duplicates.
+    fn preset_levels(&self) -> Vec<f32> {
+        let mut levels = Vec::new();
+        for preset in Preset::ALL {
+            // A sampler may not allow every schedule.
+            if let Ok(table) = preset.operating_point().schedule.table(&self.manifest().sampler) {
+                levels.extend(table.sigmas);
+            }
+        }
+        levels.sort_by(f32::total_cmp);
+        levels.dedup();
+        levels
     }
 
     /// Makes the sessions of as few slices as keep the longest within `limit`, and returns the measured time of the longest one. The whole
@@ -140,7 +189,7 @@ impl TransformerSource<'_> {
         fits: &dyn Fn(u32) -> bool,
         proceed: &dyn Fn(u32) -> Result<()>,
     ) -> Result<(Transformer, Duration)> {
-        let splitting = self.bundle.splitting(self.precision, self.global_window)?;
+        let splitting = self.bundle.splitting(GraphKind::Transformer, self.precision, self.global_window)?;
         let mut slices = 1;
         loop {
             let transformer = self.load(slices, &|| proceed(slices))?;
@@ -185,7 +234,7 @@ impl Transformer {
     pub(super) fn whole(graph: Arc<Graph>, spec: GraphSpec) -> Self {
         let (inputs, tensors) = (spec.inputs.len(), [spec.inputs, spec.outputs].concat());
         let slice = Slice { graph, tensors: (0..tensors.len()).map(Tensor::Whole).collect() };
-        Self { slices: vec![slice], tensors, inputs, intermediates: Vec::new() }
+        Self { slices: vec![slice], tensors, inputs, intermediates: Vec::new(), conditioning: None }
     }
 
     /// Number of slices.
@@ -209,15 +258,30 @@ impl Transformer {
         self.inputs
     }
 
-    /// Bytes of a rollout's intermediate tensors between slices.
-    pub(super) fn intermediate_bytes(&self) -> u64 {
-        self.intermediates.iter().map(|&bytes| bytes as u64).sum()
+    /// What it needs of the noise levels; `None` if it computes all of that in each pass.
+    pub(super) fn conditioning(&self) -> Option<&Arc<Conditioning>> {
+        self.conditioning.as_ref()
     }
 
-    /// Buffers for the intermediate tensors between slices, for [`bind`](Self::bind). Bindings of one context may share them, because its passes
-    /// follow each other.
-    pub(super) fn intermediate_buffers(&self, context: &mut dyn ExecutionContext) -> Result<Vec<BufferId>> {
-        self.intermediates.iter().map(|&bytes| context.buffer(bytes)).collect()
+    /// Whether passes read noise levels, beside the conditioning.
+    pub(super) fn reads_levels(&self) -> bool {
+        let read = |tensor: &Tensor| matches!(*tensor, Tensor::Whole(at) if self.tensors[at].name == "sigma");
+        self.slices.iter().any(|slice| slice.tensors.iter().any(read))
+    }
+
+    /// Bytes of a rollout's intermediate tensors between slices, and of what it keeps of the conditioning at `levels` noise levels.
+    pub(super) fn intermediate_bytes(&self, levels: usize) -> u64 {
+        let conditioning = self.conditioning.as_ref().map_or(0, |conditioning| conditioning.bytes());
+        self.intermediates.iter().map(|&bytes| bytes as u64).sum::<u64>() + conditioning * (levels as u64 + 1)
+    }
+
+    /// Buffers for [`bind`](Self::bind).
+    pub(super) fn shared_buffers(&self, context: &mut dyn ExecutionContext) -> Result<SharedBuffers> {
+        let values = self.conditioning.as_ref().map_or(&[][..], |conditioning| conditioning.values());
+        Ok(SharedBuffers {
+            intermediates: self.intermediates.iter().map(|&bytes| context.buffer(bytes)).collect::<Result<_>>()?,
+            conditioning: values.iter().map(|value| context.buffer(value.bytes())).collect::<Result<_>>()?,
+        })
     }
 
     /// Binds all slices permanently: `tensors` are the inputs of the whole transformer in order, then its outputs in order.
@@ -225,12 +289,13 @@ impl Transformer {
         &self,
         context: &mut dyn ExecutionContext,
         tensors: &[BufferId],
-        intermediates: &[BufferId],
+        shared: &SharedBuffers,
     ) -> Result<PassBinding> {
         assert_eq!(tensors.len(), self.tensors.len(), "one buffer for each input and output");
         let buffer = |tensor: &Tensor| match *tensor {
             Tensor::Whole(at) => tensors[at],
-            Tensor::Intermediate(at) => intermediates[at],
+            Tensor::Intermediate(at) => shared.intermediates[at],
+            Tensor::Conditioning(at) => shared.conditioning[at],
         };
         let bind = |slice: &Slice| {
             let buffers: Vec<BufferId> = slice.tensors.iter().map(buffer).collect();
@@ -274,7 +339,10 @@ impl Transformer {
             self.tensors.iter().map(|spec| context.buffer(spec.bytes())).collect::<Result<_>>()?;
         // Non-zero values, because kernels may be faster on zeroes.
         let (wide, half) = (vec![0.1_f32; UPLOAD_CHUNK], vec![f16::from_f32(0.1); UPLOAD_CHUNK]);
-        for (buffer, spec) in buffers.iter().zip(&self.tensors[..self.inputs]) {
+        let shared = self.shared_buffers(&mut *context)?;
+        let conditioning = self.conditioning.as_ref().map_or(&[][..], |conditioning| conditioning.values());
+        let inputs = buffers.iter().zip(&self.tensors[..self.inputs]).chain(shared.conditioning.iter().zip(conditioning));
+        for (buffer, spec) in inputs {
             let values: &[u8] = match spec.element {
                 ElementType::F16 => bytemuck::cast_slice(&half),
                 _ => bytemuck::cast_slice(&wide),
@@ -283,8 +351,7 @@ impl Transformer {
                 context.upload(*buffer, at, &values[..values.len().min(spec.bytes() - at)])?;
             }
         }
-        let intermediates = self.intermediate_buffers(&mut *context)?;
-        let binding = self.bind(&mut *context, &buffers, &intermediates)?;
+        let binding = self.bind(&mut *context, &buffers, &shared)?;
         let mut times = vec![Vec::with_capacity(MEASURED_PASSES); self.slices.len()];
         for pass in 0..=MEASURED_PASSES {
             for ((slice, binding), times) in self.slices.iter().zip(&binding.0).zip(&mut times) {

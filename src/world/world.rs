@@ -233,9 +233,16 @@ impl World {
         Ok(())
     }
 
-    /// Bytes of a rollout's rings, slabs and values that slices hand over.
+    /// Noise levels whose conditioning a rollout has memory for from the start: those of the stock schedule, which ends in 0. A step with more
+    /// allocates it.
+    pub(super) fn kept_levels(&self) -> usize {
+        self.manifest.sampler.schedule.len()
+    }
+
+    /// Bytes of a rollout's rings, slabs, conditioning and values that slices hand over.
     pub(super) fn rollout_need(&self) -> u64 {
-        self.need.ring.saturating_add(self.need.slabs).saturating_add(self.transformer.intermediate_bytes())
+        let between = self.transformer.intermediate_bytes(self.kept_levels());
+        self.need.ring.saturating_add(self.need.slabs).saturating_add(between)
     }
 
     /// The limit on a rollout's queued work.

@@ -9,7 +9,8 @@
 //! - [`products`] rewrites the products of attention for providers without `FusedMatMul`.
 //! - [`largest_weight`] finds a model's largest tensor of weights.
 //! - [`model_writer`] writes the small models that move and check values on a device.
-//! - [`slices`] splits a transformer into models of consecutive layers.
+//! - [`conditioning`] finds the part of a transformer that depends on noise levels alone.
+//! - [`slices`] splits a transformer into that part and models of consecutive layers.
 //! - [`interface`] compares inputs and outputs with the format's tables.
 //! - [`check`] combines these checks, and checks that weights lie inside files that the bundle lists.
 //!
@@ -17,6 +18,7 @@
 
 mod blocks;
 mod check;
+mod conditioning;
 mod interface;
 mod largest_weight;
 mod model_writer;
@@ -35,6 +37,7 @@ mod writer;
 
 pub(super) use blocks::check_scales;
 pub(super) use check::{ExternalData, ModelContext, check, footprint};
+pub(crate) use conditioning::with_weights_inside;
 pub(crate) use largest_weight::largest_weight;
 pub(crate) use model_writer::ModelWriter;
 pub use operators::operators;
@@ -42,7 +45,7 @@ pub(crate) use peaks::ModelWithPeaks;
 pub(crate) use products::without_fused_products;
 pub(super) use shape_inference::Footprint;
 pub use slices::slice_transformer;
-pub(crate) use slices::{IntermediateTensor, SliceModel, SliceTensor, Slices};
+pub(crate) use slices::{ConditioningModel, NamedTensor, SliceModel, SliceTensor, Slices};
 pub(crate) use split_k::with_split_k;
 #[cfg(windows)]
 pub(crate) use weights::{Weight, weights_as_inputs};

@@ -1,14 +1,18 @@
-//! Splits a transformer into slices: models of consecutive layers that compute together, to the bit, what the whole model computes.
+//! Splits a transformer into its conditioning and slices: models of consecutive layers that compute together, to the bit, what the whole model
+//! computes.
 //!
-//! A slice is a range of the transformer's nodes that run. Constants, and nodes that read only constants, go into each slice that uses them.
-//! A value that one slice makes and a later one reads is an intermediate tensor: an output of the first and an input of the second.
+//! A slice is a range of the transformer's nodes that run, without those of the conditioning. Constants, and nodes that read only constants, go into
+//! each model that uses them. A value that one slice makes and a later one reads is an intermediate tensor: an output of the first and an input of the
+//! second. What slices read of the conditioning is an input of theirs.
 
+use std::cell::OnceCell;
 use std::collections::HashMap;
 use std::ops::Range;
 
 use super::check::{footprint_at, opset, parse};
+use super::conditioning::conditioning_nodes;
 use super::interface::{Interface, Port};
-use super::proto::{self, Graph};
+use super::proto::{self, Data, Graph};
 use super::shape_inference::{Footprint, Named, infer_sizes};
 use super::wire::{Field, Fields};
 use super::writer::{write_bytes, write_int};
@@ -34,12 +38,16 @@ pub(crate) struct Splitting<'a> {
     window: u32,
     values: Vec<Value<'a>>,
     names: HashMap<&'a str, usize>,
-    /// For each node, whether it runs: whether it reads more than constants.
+    /// For each node, whether it runs in a pass: whether it reads more than constants, and is not of the conditioning.
     runs: Vec<bool>,
+    /// For each node, whether it is of the conditioning.
+    is_conditioning: Vec<bool>,
+    /// The values of the conditioning that passes read, positions in `values`.
+    conditioning: Vec<usize>,
     /// The node at which each part starts: 0, and one between each two layers that can be separated.
     starts: Vec<usize>,
-    /// Estimated work of each part.
-    work: Vec<u64>,
+    /// Estimated work of each part, once it was needed.
+    work: OnceCell<Vec<u64>>,
 }
 
 /// The fields of a graph as they stand in the file, in the order of the lists in [`Graph`].
@@ -72,18 +80,40 @@ enum Origin {
     Tensor(usize),
     /// A node that reads constants only.
     Folded(usize),
+    /// A node of the conditioning.
+    Conditioning(usize),
     /// A node that runs.
     Node(usize),
 }
 
 /// A transformer in slices.
 pub(crate) struct Slices {
+    /// What the slices read of the noise levels, made of them by a model of its own; `None` if the transformer has no product of levels and weights.
+    pub(crate) conditioning: Option<ConditioningModel>,
     /// In the order in which they run.
     pub(crate) models: Vec<SliceModel>,
     /// Values that one slice makes and later ones read.
     pub(crate) intermediates: Vec<IntermediateTensor>,
     /// Sizes in bytes of the buffers that these tensors share.
     pub(crate) buffer_sizes: Vec<usize>,
+}
+
+/// The conditioning of a transformer. Its only input is the whole model's `sigma`.
+pub(crate) struct ConditioningModel {
+    /// A model whose weights are those of the whole model.
+    pub(crate) onnx: Vec<u8>,
+    /// Its outputs.
+    pub(crate) values: Vec<NamedTensor>,
+    /// Bytes of its weights, as they are stored.
+    pub(in crate::bundle) stored_weights: u64,
+}
+
+/// A value between models.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct NamedTensor {
+    pub(crate) name: String,
+    pub(crate) precision: Precision,
+    pub(crate) shape: Vec<usize>,
 }
 
 /// One slice.
@@ -104,14 +134,14 @@ pub(crate) enum SliceTensor {
     Output(usize),
     /// The value at this position of [`Slices::intermediates`].
     Intermediate(usize),
+    /// The value at this position of [`ConditioningModel::values`].
+    Conditioning(usize),
 }
 
 /// A value that one slice makes and later ones read.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct IntermediateTensor {
-    pub(crate) name: String,
-    pub(crate) precision: Precision,
-    pub(crate) shape: Vec<usize>,
+    pub(crate) tensor: NamedTensor,
     /// The buffer that holds it, a position in [`Slices::buffer_sizes`]. Other values use it before this one is made and after the last slice
     /// that reads this one.
     pub(crate) buffer: usize,
@@ -120,18 +150,18 @@ pub(crate) struct IntermediateTensor {
 }
 
 impl Bundle {
-    /// Finds where the transformer can be split, at a global window of `g` latents.
+    /// Finds where the transformer can be split, or the joined graph, at a global window of `g` latents.
     ///
     /// # Errors
-    /// `Unsupported` if the bundle has no graphs of `precision`; `InvalidBundle` if shapes are inconsistent at this window.
-    pub(crate) fn splitting(&self, precision: Precision, g: u32) -> Result<Splitting<'_>> {
-        let onnx = self.model(GraphKind::Transformer, precision)?.onnx;
-        Splitting::of(onnx, &self.manifest, precision, g)
+    /// `Unsupported` if the bundle has no such graph of `precision`; `InvalidBundle` if shapes are inconsistent at this window.
+    pub(crate) fn splitting(&self, kind: GraphKind, precision: Precision, g: u32) -> Result<Splitting<'_>> {
+        let onnx = self.model(kind, precision)?.onnx;
+        Splitting::of(onnx, ModelContext { manifest: &self.manifest, kind, precision }, g)
     }
 }
 
-/// The models of a transformer in `slices` slices, in the order in which they run, at a global window of `g` latents. Their weights are
-/// those of the whole model. For tools and tests: [`World::load`](crate::world::World::load) splits a transformer itself.
+/// The models of a transformer in `slices` slices, in the order in which they run, at a global window of `g` latents, after the model of its
+/// conditioning, if it has any. Their weights are those of the whole model. For tools and tests: [`World::load`](crate::world::World::load) splits a transformer itself.
 ///
 /// # Errors
 /// `InvalidBundle` for a model that is no transformer of this manifest; `InvalidArgument` for a number of slices that it cannot have, and for a
@@ -144,13 +174,13 @@ pub fn slice_transformer(
     slices: u32,
 ) -> Result<Vec<Vec<u8>>> {
     manifest.geometry.check_window(g)?;
-    let slices = Splitting::of(onnx, manifest, precision, g)?.split(slices)?;
-    Ok(slices.models.into_iter().map(|model| model.onnx).collect())
+    let context = ModelContext { manifest, kind: GraphKind::Transformer, precision };
+    let Slices { conditioning, models, .. } = Splitting::of(onnx, context, g)?.split(slices)?;
+    Ok(conditioning.map(|model| model.onnx).into_iter().chain(models.into_iter().map(|model| model.onnx)).collect())
 }
 
 impl<'a> Splitting<'a> {
-    fn of(onnx: &'a [u8], manifest: &'a Manifest, precision: Precision, g: u32) -> Result<Self> {
-        let context = ModelContext { manifest, kind: GraphKind::Transformer, precision };
+    fn of(onnx: &'a [u8], context: ModelContext<'a>, g: u32) -> Result<Self> {
         Self::find(onnx, context, g).map_err(|fault| context.to_error(fault))
     }
 
@@ -175,12 +205,14 @@ impl<'a> Splitting<'a> {
             values: Vec::new(),
             names: HashMap::new(),
             runs: Vec::new(),
+            is_conditioning: Vec::new(),
+            conditioning: Vec::new(),
             starts: Vec::new(),
-            work: Vec::new(),
+            work: OnceCell::new(),
         };
+        splitting.is_conditioning = conditioning_nodes(&splitting.graph);
         splitting.add_values(shapes)?;
         splitting.starts = splitting.starts()?;
-        splitting.work = splitting.part_work()?;
         Ok(splitting)
     }
 
@@ -194,9 +226,10 @@ impl<'a> Splitting<'a> {
     /// # Errors
     /// `InvalidArgument` for a number of slices that the transformer cannot have.
     pub(crate) fn longest_share(&self, slices: u32) -> Result<f64> {
-        let sum = |parts: &Range<usize>| self.work[parts.clone()].iter().map(|&work| work as f64).sum::<f64>();
-        let longest = self.groups(slices)?.iter().map(sum).fold(0.0, f64::max);
-        Ok(longest / sum(&(0..self.work.len())))
+        let (work, groups) = (self.work()?, self.groups(slices)?);
+        let sum = |parts: &Range<usize>| work[parts.clone()].iter().map(|&work| work as f64).sum::<f64>();
+        let longest = groups.iter().map(sum).fold(0.0, f64::max);
+        Ok(longest / sum(&(0..work.len())))
     }
 
     /// The transformer in `slices` slices of about the same work.
@@ -205,7 +238,9 @@ impl<'a> Splitting<'a> {
     /// `InvalidArgument` for a number of slices that the transformer cannot have; `InvalidBundle` if a value between slices is
     /// no floating-point tensor.
     pub(crate) fn split(&self, slices: u32) -> Result<Slices> {
-        let mut split = Slices { models: Vec::new(), intermediates: Vec::new(), buffer_sizes: Vec::new() };
+        let conditioning = self.write_conditioning().map_err(|fault| self.context.to_error(fault))?;
+        let mut split =
+            Slices { conditioning, models: Vec::new(), intermediates: Vec::new(), buffer_sizes: Vec::new() };
         let mut positions = HashMap::new();
         let mut write = |slice, parts: Range<usize>| {
             let model = self.write(slice, self.nodes(&parts), &mut positions, &mut split.intermediates)?;
@@ -226,7 +261,18 @@ impl<'a> Splitting<'a> {
             let remedy = format!("Use 1 to {most}: a slice has one layer at least");
             return Err(Error::new(ErrorKind::InvalidArgument, cause).field("slices").remedy(remedy));
         }
-        Ok(groups(&self.work, slices as usize))
+        match slices {
+            1 => Ok(vec![0..self.starts.len()]),
+            _ => Ok(groups(self.work()?, slices as usize)),
+        }
+    }
+
+    fn work(&self) -> Result<&[u64]> {
+        if self.work.get().is_none() {
+            let work = self.part_work().map_err(|fault| self.context.to_error(fault))?;
+            _ = self.work.set(work);
+        }
+        Ok(self.work.get().map_or(&[], Vec::as_slice))
     }
 
     /// The nodes of consecutive parts.
@@ -235,7 +281,7 @@ impl<'a> Splitting<'a> {
         start(parts.start)..start(parts.end)
     }
 
-    /// Fills `values`, `names` and `runs`. `shapes` has the shapes of the outputs of each node that runs.
+    /// Fills `values`, `names`, `runs` and `conditioning`. `shapes` has the shapes of the outputs of each node that reads more than constants.
     fn add_values(&mut self, shapes: Vec<Vec<Shape>>) -> CheckResult<()> {
         let mut shapes = shapes.into_iter();
         for (i, (value, port)) in self.graph.inputs.iter().zip(&self.inputs).enumerate() {
@@ -246,18 +292,23 @@ impl<'a> Splitting<'a> {
             add(&mut self.values, &mut self.names, tensor.name, Origin::Tensor(i), None)?;
         }
         for (i, node) in self.graph.nodes.iter().enumerate() {
-            let mut runs = false;
+            let mut is_folded = true;
             let mut read = Vec::with_capacity(node.inputs.len());
             for name in node.inputs.iter().filter(|name| !name.is_empty()) {
                 let value = find(&self.names, name)?;
-                runs |= matches!(self.values[value].origin, Origin::Input(_) | Origin::Node(_));
+                is_folded &= matches!(self.values[value].origin, Origin::Tensor(_) | Origin::Folded(_));
                 read.push(value);
             }
+            let runs = !is_folded && !self.is_conditioning[i];
             self.runs.try_reserve(1).map_err(Fault::no_memory)?;
             self.runs.push(runs);
-            let made = if runs { shapes.next() } else { None };
+            let made = if is_folded { None } else { shapes.next() };
             for (j, name) in node.outputs.iter().enumerate() {
-                let origin = if runs { Origin::Node(i) } else { Origin::Folded(i) };
+                let origin = match (is_folded, runs) {
+                    (true, _) => Origin::Folded(i),
+                    (false, true) => Origin::Node(i),
+                    (false, false) => Origin::Conditioning(i),
+                };
                 let shape = made.as_ref().and_then(|made| made.get(j)).cloned();
                 add(&mut self.values, &mut self.names, name, origin, shape)?;
             }
@@ -269,6 +320,9 @@ impl<'a> Splitting<'a> {
             let value = find(&self.names, output.name)?;
             self.values[value].output = Some(i);
         }
+        // No pass reads a value of its first node.
+        let is_read = |value: &Value<'_>| matches!(value.origin, Origin::Conditioning(_)) && value.last_use > 0;
+        self.conditioning = (0..self.values.len()).filter(|&i| is_read(&self.values[i])).collect();
         Ok(())
     }
 
@@ -363,24 +417,65 @@ impl<'a> Splitting<'a> {
         positions: &mut HashMap<usize, usize>,
         list: &mut Vec<IntermediateTensor>,
     ) -> CheckResult<SliceModel> {
-        let (mut kept_nodes, mut kept_tensors) =
-            (vec![false; self.graph.nodes.len()], vec![false; self.graph.tensors.len()]);
-        let (mut inputs, mut outputs, mut pending) = (Vec::new(), Vec::new(), Vec::new());
-        for i in nodes.clone().filter(|&i| self.runs[i]) {
-            kept_nodes[i] = true;
-            pending.push(i);
-            for name in &self.graph.nodes[i].outputs {
-                let value = find(&self.names, name)?;
-                match self.values[value] {
-                    Value { output: Some(at), .. } => outputs.push((SliceTensor::Output(at), value)),
-                    Value { last_use, .. } if last_use >= nodes.end => {
-                        let at = self.add_intermediate(slice, value, positions, list)?;
-                        outputs.push((SliceTensor::Intermediate(at), value));
-                    }
-                    _ => {}
+        let mut outputs = Vec::new();
+        let own: Vec<usize> = nodes.clone().filter(|&i| self.runs[i]).collect();
+        for name in own.iter().flat_map(|&i| &self.graph.nodes[i].outputs) {
+            let value = find(&self.names, name)?;
+            match self.values[value] {
+                Value { output: Some(at), .. } => outputs.push((SliceTensor::Output(at), value)),
+                Value { last_use, .. } if last_use >= nodes.end => {
+                    let at = self.add_intermediate(slice, value, positions, list)?;
+                    outputs.push((SliceTensor::Intermediate(at), value));
                 }
+                _ => {}
             }
         }
+        let of_earlier = |value: usize| match positions.get(&value).copied() {
+            Some(at) => {
+                list[at].slices.1 = slice;
+                Ok(Some(SliceTensor::Intermediate(at)))
+            }
+            None => Err(Fault::new(format!("no earlier slice makes {}", quoted(self.values[value].name)))),
+        };
+        let (onnx, inputs, footprint) = self.write_model(own, &outputs, of_earlier)?;
+        let outputs = outputs.into_iter().map(|(tensor, _)| tensor).collect();
+        Ok(SliceModel { onnx, inputs, outputs, footprint })
+    }
+
+    /// Writes the model of the conditioning, if there is any that passes read.
+    fn write_conditioning(&self) -> CheckResult<Option<ConditioningModel>> {
+        if self.conditioning.is_empty() {
+            return Ok(None);
+        }
+        let own = (0..self.is_conditioning.len()).filter(|&i| self.is_conditioning[i]).collect();
+        let output = |(at, &value)| (SliceTensor::Conditioning(at), value);
+        let outputs: Vec<_> = self.conditioning.iter().enumerate().map(output).collect();
+        let of_earlier = |value: usize| {
+            Err(Fault::new(format!("the conditioning reads {}", quoted(self.values[value].name))))
+        };
+        let (onnx, ..) = self.write_model(own, &outputs, of_earlier)?;
+        let tensors = proto::model(&onnx)?.graph.tensors;
+        let stored_weights = tensors.iter().map(|tensor| match tensor.data {
+            Data::Inline(bytes) => bytes.len() as u64,
+            Data::External { length, .. } => length,
+        });
+        let stored_weights = stored_weights.fold(0, u64::saturating_add);
+        let values = self.conditioning.iter().map(|&value| self.described(value)).collect::<CheckResult<_>>()?;
+        Ok(Some(ConditioningModel { onnx, values, stored_weights }))
+    }
+
+    /// Writes a model of the nodes `own` that makes `outputs`. What a node reads of others that read more than constants is an input, which
+    /// `of_earlier` finds if no table of this splitting has it. Also returns the inputs, and the sizes.
+    fn write_model(
+        &self,
+        own: Vec<usize>,
+        outputs: &[(SliceTensor, usize)],
+        mut of_earlier: impl FnMut(usize) -> CheckResult<Option<SliceTensor>>,
+    ) -> CheckResult<(Vec<u8>, Vec<SliceTensor>, Footprint)> {
+        let (mut kept_nodes, mut kept_tensors) =
+            (vec![false; self.graph.nodes.len()], vec![false; self.graph.tensors.len()]);
+        own.iter().for_each(|&i| kept_nodes[i] = true);
+        let (mut inputs, mut pending) = (Vec::new(), own);
         let mut is_input = vec![false; self.values.len()];
         while let Some(i) = pending.pop() {
             for name in self.graph.nodes[i].inputs.iter().filter(|name| !name.is_empty()) {
@@ -396,15 +491,13 @@ impl<'a> Splitting<'a> {
                         }
                         None
                     }
-                    Value { origin: Origin::Node(at), .. } if nodes.contains(&at) => None,
+                    Value { origin: Origin::Node(at) | Origin::Conditioning(at), .. } if kept_nodes[at] => None,
                     Value { origin: Origin::Input(at), .. } => Some(SliceTensor::Input(at)),
-                    Value { output: Some(at), .. } => Some(SliceTensor::Output(at)),
-                    _ => {
-                        let at = positions.get(&value).copied();
-                        let at = at.ok_or_else(|| Fault::new(format!("no earlier slice makes {}", quoted(name))))?;
-                        list[at].slices.1 = slice;
-                        Some(SliceTensor::Intermediate(at))
+                    Value { origin: Origin::Conditioning(_), .. } => {
+                        self.conditioning.binary_search(&value).ok().map(SliceTensor::Conditioning)
                     }
+                    Value { output: Some(at), .. } => Some(SliceTensor::Output(at)),
+                    _ => of_earlier(value)?,
                 };
                 if let Some(tensor) = input
                     && !std::mem::replace(&mut is_input[value], true)
@@ -424,12 +517,14 @@ impl<'a> Splitting<'a> {
         for (field, _) in self.fields.tensors.iter().zip(&kept_tensors).filter(|(_, is_kept)| **is_kept) {
             field.write(&mut graph);
         }
-        for (number, tensors) in [(11, &inputs), (12, &outputs)] {
+        for (number, tensors) in [(11, &inputs[..]), (12, outputs)] {
             for &(tensor, value) in tensors {
                 match tensor {
                     SliceTensor::Input(at) => write_bytes(&mut graph, number, self.fields.inputs[at]),
                     SliceTensor::Output(at) => write_bytes(&mut graph, number, self.fields.outputs[at]),
-                    SliceTensor::Intermediate(_) => write_bytes(&mut graph, number, &value_info(&self.values[value])),
+                    SliceTensor::Intermediate(_) | SliceTensor::Conditioning(_) => {
+                        write_bytes(&mut graph, number, &value_info(&self.values[value]));
+                    }
                 }
             }
         }
@@ -442,12 +537,11 @@ impl<'a> Splitting<'a> {
             }
         }
 
-        let footprint = self.check_written(&onnx, &inputs, &outputs)?;
-        let tensors = |list: Vec<(SliceTensor, usize)>| list.into_iter().map(|(tensor, _)| tensor).collect();
-        Ok(SliceModel { onnx, inputs: tensors(inputs), outputs: tensors(outputs), footprint })
+        let footprint = self.check_written(&onnx, &inputs, outputs)?;
+        Ok((onnx, inputs.into_iter().map(|(tensor, _)| tensor).collect(), footprint))
     }
 
-    /// Reads a written slice as any model, and infers its sizes.
+    /// Reads a written model as any model, and infers its sizes.
     fn check_written(
         &self,
         onnx: &[u8],
@@ -476,6 +570,15 @@ impl<'a> Splitting<'a> {
         positions: &mut HashMap<usize, usize>,
         list: &mut Vec<IntermediateTensor>,
     ) -> CheckResult<usize> {
+        let tensor = self.described(value)?;
+        positions.try_reserve(1).map_err(Fault::no_memory)?;
+        positions.insert(value, list.len());
+        list.push(IntermediateTensor { tensor, buffer: 0, slices: (slice, slice) });
+        Ok(list.len() - 1)
+    }
+
+    /// Name, type and shape of a value between models.
+    fn described(&self, value: usize) -> CheckResult<NamedTensor> {
         let Value { name, shape, .. } = &self.values[value];
         let fault = |what: &str| Fault::new(format!("{} goes from layer to layer and {what}", quoted(name)));
         let shape = shape.as_ref().ok_or_else(|| fault("has no shape"))?;
@@ -486,10 +589,7 @@ impl<'a> Splitting<'a> {
         };
         let shape = shape.dims.iter().map(|&n| usize::try_from(n)).collect::<std::result::Result<Vec<_>, _>>();
         let shape = shape.map_err(|_| fault("is too large"))?;
-        positions.try_reserve(1).map_err(Fault::no_memory)?;
-        positions.insert(value, list.len());
-        list.push(IntermediateTensor { name: (*name).to_owned(), precision, shape, buffer: 0, slices: (slice, slice) });
-        Ok(list.len() - 1)
+        Ok(NamedTensor { name: (*name).to_owned(), precision, shape })
     }
 }
 
@@ -517,9 +617,9 @@ impl<'a> GraphFields<'a> {
     }
 }
 
-impl IntermediateTensor {
+impl NamedTensor {
     /// Size in bytes.
-    fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         self.shape.iter().product::<usize>() * self.precision.bytes()
     }
 }
@@ -530,7 +630,7 @@ impl Slices {
         // For each buffer, the last slice that uses it.
         let mut used_until: Vec<usize> = Vec::new();
         for value in &mut self.intermediates {
-            let (bytes, (made, last)) = (value.bytes(), value.slices);
+            let (bytes, (made, last)) = (value.tensor.bytes(), value.slices);
             let free = (0..self.buffer_sizes.len()).find(|&at| self.buffer_sizes[at] == bytes && used_until[at] < made);
             value.buffer = free.unwrap_or_else(|| {
                 self.buffer_sizes.push(bytes);
@@ -647,9 +747,7 @@ mod tests {
     #[test]
     fn tensors_share_a_buffer_only_while_no_slice_needs_both() {
         let value = |shape: &[usize], slices| IntermediateTensor {
-            name: String::new(),
-            precision: Precision::F16,
-            shape: shape.to_vec(),
+            tensor: NamedTensor { name: String::new(), precision: Precision::F16, shape: shape.to_vec() },
             buffer: 0,
             slices,
         };
@@ -661,7 +759,7 @@ mod tests {
             value(&[2, 2], (2, 3)),
             value(&[4], (3, 4)),
         ];
-        let mut slices = Slices { models: Vec::new(), intermediates, buffer_sizes: Vec::new() };
+        let mut slices = Slices { conditioning: None, models: Vec::new(), intermediates, buffer_sizes: Vec::new() };
         slices.assign_buffers();
         let buffers: Vec<usize> = slices.intermediates.iter().map(|value| value.buffer).collect();
         assert_eq!(buffers, [0, 1, 2, 3, 0, 3]);

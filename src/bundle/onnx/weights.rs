@@ -2,6 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
+use super::conditioning::tensor_bytes;
 use super::model_writer::value_info;
 use super::operators::NBITS;
 use super::proto::{self, Data, Graph};
@@ -46,18 +47,14 @@ fn weights<'a>(graph: &Graph<'a>, model: &ModelSource<'a>) -> CheckResult<Vec<We
     let multiplied = multiplied_constants(graph)?;
     let mut weights = Vec::new();
     for tensor in &graph.tensors {
-        let Data::External { location, offset, length } = tensor.data else { continue };
+        let Data::External { length, .. } = tensor.data else { continue };
         let element = DataType::of(tensor.data_type)?;
         if length < SMALLEST || !matches!(element, DataType::F16 | DataType::U8) || !multiplied.contains(tensor.name) {
             continue;
         }
-        let file = model.external.iter().find(|(name, _)| *name == location);
-        let range = usize::try_from(offset).ok().zip(offset.checked_add(length).and_then(|end| end.try_into().ok()));
-        let bytes = file.zip(range).and_then(|((_, file), (start, end)): (_, (usize, usize))| file.get(start..end));
+        let bytes = tensor_bytes(tensor, model)?;
         let shape = tensor.dims.iter().map(|&n| usize::try_from(n)).collect::<std::result::Result<_, _>>();
-        let (Some(bytes), Ok(shape)) = (bytes, shape) else {
-            return Err(Fault::new(format!("initializer {} lies outside its file", quoted(tensor.name))));
-        };
+        let shape = shape.map_err(|_| Fault::new(format!("initializer {} is too large", quoted(tensor.name))))?;
         weights.push(Weight { name: tensor.name, is_integer: element == DataType::U8, shape, bytes });
     }
     Ok(weights)

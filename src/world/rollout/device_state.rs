@@ -152,6 +152,10 @@ impl DeviceState {
     /// undone if the step fails.
     pub(super) fn execute(&mut self, plan: &StepPlan, measured: &mut StepMeasurement) -> Result<()> {
         self.finish_undo()?;
+        self.try_execute(plan, measured).inspect_err(|_| self.passes.forget_conditioning())
+    }
+
+    fn try_execute(&mut self, plan: &StepPlan, measured: &mut StepMeasurement) -> Result<()> {
         self.passes.prepare(&mut *self.context, plan, [0.0, 0.0])?;
         let start = Instant::now();
         self.passes.start(&mut *self.context, plan)?;
@@ -258,6 +262,10 @@ impl DeviceState {
 
     /// Runs one frozen pass; see [`Rollout::probe`](super::Rollout::probe).
     pub(super) fn probe(&mut self, plan: &StepPlan, sigma: f32, x: &[f32]) -> Result<Probe> {
+        self.try_probe(plan, sigma, x).inspect_err(|_| self.passes.forget_conditioning())
+    }
+
+    fn try_probe(&mut self, plan: &StepPlan, sigma: f32, x: &[f32]) -> Result<Probe> {
         self.passes.prepare(&mut *self.context, plan, [sigma, -1.0])?;
         self.passes.set_latent(&mut *self.context, x)?;
         self.passes.extra_pass(&mut *self.context, plan)?;

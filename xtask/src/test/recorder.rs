@@ -278,7 +278,7 @@ pub(super) fn run_tests(
 /// process whose output they keep.
 fn run_comparison(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let mut command = study_windows::comparison_by_shaders(context, "study-recorder")?;
-    let (ended, failures, count) = run_program(context, log, &mut command, &context.windows_programs(), COMPARISON)?;
+    let (ended, failures, count) = run_program(context, log, &mut command, &context.windows_programs(), COMPARISON, &Amd::None)?;
     tally.test((!ended.success).then(|| "the study's comparison fails with the recorder".to_owned()));
     // DirectML's own calls are in the list, so that their absence shows that nothing was recorded.
     tally.test((count == 0).then(|| "the recorder was not loaded by the study's program".to_owned()));
@@ -294,12 +294,14 @@ pub(super) fn run_program(
     command: &mut Command,
     folder: &Path,
     name: &str,
+    amd: &Amd,
 ) -> Result<(CommandOutput, Vec<String>, usize), String> {
     let known = KnownFindings::parse(&context.workspace.read(LIST)?)?;
     command.env("WINEDLLOVERRIDES", OVERRIDES);
     let CommandOutput { success, output } =
         beside(&context.windows_programs().join("d3d12_recorder.dll"), folder, || log.run(command))?;
     let (output, mut messages) = separate(&output)?;
+    remove_amds(&mut messages, amd);
     messages.iter_mut().for_each(|message| name.clone_into(&mut message.test));
     Ok((CommandOutput { success, output }, known.others(&messages), messages.len()))
 }

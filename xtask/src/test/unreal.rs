@@ -312,7 +312,7 @@ impl PluginTests<'_> {
                 command.env_remove("CAIRN_ONNXRUNTIME");
                 command.arg(&plugin).arg("play").current_dir(&self.work);
                 let (ended, broken_rules, _) = amd.beside(&plugin.join(LIBRARY).with_file_name(""), || {
-                    recorder::run_program(self.context, log, &mut command, &self.work, RECORDED)
+                    recorder::run_program(self.context, log, &mut command, &self.work, RECORDED, amd)
                 })?;
                 let mut tally = Tally::default();
                 let failed = || format!("the plugin in Unreal Engine 5.{version}: {}", ended.output);

@@ -158,7 +158,7 @@ fn recorded_frames(host: &Host<'_>, log: &mut Log, tally: &mut Tally) -> Result<
     let arguments = ["--headless", &frames, "--record", "walk", "--anchors", "cpu", "--script", &script];
     let mut command = host.command(&arguments)?;
     let folder = host.program.with_file_name("");
-    let (ended, broken_rules, _) = recorder::run_program(host.context, log, &mut command, &folder, RECORDED)?;
+    let (ended, broken_rules, _) = recorder::run_program(host.context, log, &mut command, &folder, RECORDED, host.amd)?;
     if !ended.success {
         return Err("the sample does not record".to_owned());
     }

@@ -1,0 +1,101 @@
+//! The conditioning of a transformer: the nodes whose values depend on its noise levels alone, up to the last products with weights among them. They
+//! embed the noise level and make each layer's scales, shifts and gates.
+//!
+//! They give the same values in every pass at the same noise level, so that they can run apart from passes, once for each level. Their weights then
+//! need no memory of the device while it makes latents.
+
+use std::collections::HashSet;
+
+use super::operators::NBITS;
+use super::proto::{self, Data, Graph, Tensor};
+use super::wire::Fields;
+use super::writer::{reserved, with_graph, write_bytes};
+use super::{CheckResult, Fault, quoted};
+use crate::Result;
+use crate::bundle::ModelSource;
+
+/// The input that has the noise levels.
+pub(super) const LEVELS: &str = "sigma";
+
+/// For each node of a transformer, whether it is part of the conditioning. Nodes that read only constants are not: both parts may need them.
+pub(super) fn conditioning_nodes(graph: &Graph<'_>) -> Vec<bool> {
+    let outputs: HashSet<&str> = graph.outputs.iter().map(|output| output.name).collect();
+    let mut constants: HashSet<&str> = graph.tensors.iter().map(|tensor| tensor.name).collect();
+    let mut of_levels = HashSet::from([LEVELS]);
+    let mut is_product = vec![false; graph.nodes.len()];
+    for (node, is_product) in graph.nodes.iter().zip(&mut is_product) {
+        let read: Vec<&str> = node.inputs.iter().copied().filter(|name| !name.is_empty()).collect();
+        let has_constant = read.iter().any(|name| constants.contains(name));
+        if read.iter().all(|name| constants.contains(name)) {
+            constants.extend(node.outputs.iter().copied());
+        } else if read.iter().all(|name| constants.contains(name) || of_levels.contains(name))
+            // A pass must make its own outputs.
+            && !node.outputs.iter().any(|name| outputs.contains(name))
+        {
+            of_levels.extend(node.outputs.iter().copied());
+            *is_product = has_constant && matches!(node.operator, "MatMul" | "Gemm" | NBITS);
+        }
+    }
+    let mut needed: HashSet<&str> = HashSet::new();
+    let mut nodes = vec![false; graph.nodes.len()];
+    for (i, node) in graph.nodes.iter().enumerate().rev() {
+        nodes[i] = is_product[i] || node.outputs.iter().any(|name| of_levels.contains(name) && needed.contains(name));
+        if nodes[i] {
+            needed.extend(node.inputs.iter().copied());
+        }
+    }
+    nodes
+}
+
+/// The model with its weights inside, so that it needs no other file.
+///
+/// # Errors
+/// `InvalidBundle` for a model that does not pass the checks; `OutOfMemory`.
+pub(crate) fn with_weights_inside(model: &ModelSource<'_>) -> Result<Vec<u8>> {
+    rewrite(model).map_err(Fault::error)
+}
+
+fn rewrite(model: &ModelSource<'_>) -> CheckResult<Vec<u8>> {
+    let graph = proto::model(model.onnx)?.graph;
+    let weights = graph.tensors.iter().map(|tensor| tensor_bytes(tensor, model)).collect::<CheckResult<Vec<_>>>()?;
+    let bytes = weights.iter().map(|bytes| bytes.len()).sum::<usize>() + model.onnx.len();
+    with_graph(model.onnx, bytes, |graph| {
+        let mut written = reserved(bytes)?;
+        let (mut fields, mut weights) = (Fields::new("the graph", graph), weights.iter());
+        while let Some(field) = fields.next()? {
+            match field.number {
+                5 => {
+                    let data = weights.next().ok_or_else(|| Fault::new("the graph has another number of tensors"))?;
+                    write_bytes(&mut written, 5, &inside(field.message("an initializer")?, data)?);
+                }
+                _ => field.write(&mut written),
+            }
+        }
+        Ok(written)
+    })
+}
+
+/// The numbers of a tensor, as they are stored.
+pub(super) fn tensor_bytes<'a>(tensor: &Tensor<'a>, model: &ModelSource<'a>) -> CheckResult<&'a [u8]> {
+    let (location, offset, length) = match tensor.data {
+        Data::Inline(bytes) => return Ok(bytes),
+        Data::External { location, offset, length } => (location, offset, length),
+    };
+    let file = model.external.iter().find(|(name, _)| *name == location);
+    let range = usize::try_from(offset).ok().zip(offset.checked_add(length).and_then(|end| end.try_into().ok()));
+    let bytes = file.zip(range).and_then(|((_, file), (start, end)): (_, (usize, usize))| file.get(start..end));
+    bytes.ok_or_else(|| Fault::new(format!("initializer {} lies outside its file", quoted(tensor.name))))
+}
+
+/// An initializer that has `data` inside.
+fn inside(mut fields: Fields<'_>, data: &[u8]) -> CheckResult<Vec<u8>> {
+    let mut written = reserved(data.len() + 1024)?;
+    while let Some(field) = fields.next()? {
+        // Its data, where they are stored, and that they are stored there.
+        if !matches!(field.number, 9 | 13 | 14) {
+            field.write(&mut written);
+        }
+    }
+    write_bytes(&mut written, 9, data);
+    Ok(written)
+}
