@@ -7,6 +7,7 @@ import pytest
 from conftest import TINY
 
 from cairn.build.cli import main
+from cairn.build.conditioning import conditioning, weights_of_passes
 from cairn.build.costs import node_costs
 from cairn.build.writer import build_graphs
 
@@ -34,12 +35,28 @@ def test_a_reshape_moves_nothing(transformer):
     assert reshapes and all((n.read, n.written, n.multiply_adds) == (0, 0, 0) for n in reshapes)
 
 
-def test_nodes_of_weights_alone_do_not_run(transformer):
+def test_nodes_of_weights_or_levels_alone_do_not_run_in_a_pass(transformer):
     graph = build_graphs(TINY, "f16")["transformer"].model().graph
     weights = {tensor.name for tensor in graph.initializer}
     casts = {node.name for node in graph.node if node.op_type == "Cast" and node.input[0] in weights}
     assert casts and not casts & transformer.keys()
-    assert transformer.keys() == {node.name for node in graph.node} - casts
+    of_levels = {node.name for node in graph.node if node.name.split("/")[0].split(".")[0] in ("sigma", "fourier", "cond", "out")}
+    assert {name for name in of_levels if name.endswith("/MatMul")} == {
+        *("sigma.hidden/MatMul", "cond/MatMul", "cond.modulations/MatMul", "out.modulation/MatMul")
+    }
+    left_out = {node.name for node in graph.node} - casts - transformer.keys()
+    assert left_out <= of_levels and {name for name in of_levels if name.endswith("/MatMul")} <= left_out
+
+
+def test_a_pass_needs_no_weights_of_its_conditioning():
+    graph = build_graphs(TINY, "f16")["transformer"]
+    model = graph.model().graph
+    left_out = graph.used_weights - weights_of_passes(model)
+    assert left_out == {
+        *("denoise_step_emb.mlp.fc1.weight", "denoise_step_emb.mlp.fc2.weight", "cond_head.bias_in", "cond_head.cond_proj.weight", "out_norm.fc.weight")
+    }
+    # The whole chain of a value that a pass reads, and nothing else of it.
+    assert [node.name for node, is_found in zip(model.node, conditioning(model)) if is_found and node.op_type == "Split"] == []
 
 
 def test_the_command_prints_every_graph_of_every_world(capsys):

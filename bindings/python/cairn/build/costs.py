@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import astuple, dataclass
 
+from .conditioning import conditioning
 from .geometry import Geometry
 from .graph import Graph
 from .quantise import Quantisation
@@ -25,7 +26,8 @@ class NodeCost:
 
 
 def node_costs(graph: Graph, dimensions: dict[str, int]) -> list[NodeCost]:
-    """The nodes that run, in the graph's order. A node that reads constants only is computed once, when the graph is loaded, and is left out."""
+    """The nodes that run, in the graph's order. A node that reads constants only is computed once, when the graph is loaded, and is left out. So are
+    the nodes of a transformer's conditioning, which are computed once for each noise level."""
     model, sizes = value_sizes(graph, dimensions)
     shapes = {name: shape for name, (shape, _) in sizes.items()}
     bytes_of = {name: count for name, (_, count) in sizes.items()}
@@ -39,10 +41,12 @@ def node_costs(graph: Graph, dimensions: dict[str, int]) -> list[NodeCost]:
         shapes[value.name] = [d.dim_value for d in tensor.shape.dim]
         bytes_of[value.name] = math.prod(shapes[value.name]) * ITEM_BYTES[tensor.elem_type]
     costs = []
-    for node in model.graph.node:
+    for node, is_conditioning in zip(model.graph.node, conditioning(model.graph)):
         inputs = [name for name in node.input if name]
         if all(name in constants for name in inputs):
             constants.update(node.output)
+            continue
+        if is_conditioning:
             continue
         terms = 0
         if node.op_type in ("MatMul", "FusedMatMul", "MatMulNBits"):

@@ -21,6 +21,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import cache
 
+from .conditioning import conditioning
 from .costs import node_costs
 from .geometry import PRESETS, Geometry
 from .graph import Graph
@@ -163,7 +164,8 @@ class World:
         weight = {"Reshape": 0, "Cast": 0} | (fused or {})
 
         def count(graph: Graph) -> int:
-            return sum(weight.get(n.op_type, 1) for n in graph.model().graph.node)
+            nodes = graph.model().graph
+            return sum(weight.get(n.op_type, 1) for n, is_one in zip(nodes.node, conditioning(nodes)) if not is_one)
 
         graphs = [self._graphs["transformer"], self._joined]
         of_passes = sum(number * count(graph) for (number, _), graph in zip(self.passes(preset), graphs))
