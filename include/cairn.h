@@ -751,7 +751,9 @@ typedef struct cairn_world_memory {
     uint32_t reserved;
     /** The bundle's files, while they are loaded. */
     uint64_t bundle;
-    /** Weights as ONNX Runtime holds them. */
+    /**
+     * Weights as ONNX Runtime holds them, and those that the world keeps in the host's memory for noise levels that it has not seen yet.
+     */
     uint64_t weights;
     /** Keys and values of one rollout's ring. Each further rollout needs this and the slabs. */
     uint64_t ring;

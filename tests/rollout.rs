@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use cairn::bundle::Precision;
 use cairn::world::{
-    CacheMode, CachePass, ControlInput, Job, KvPart, OperatingPoint, Rollout, Schedule, TicketState, Worker, World,
-    WorldOptions,
+    CacheMode, CachePass, ControlInput, Job, KvPart, MAX_POINTS, OperatingPoint, Rollout, Schedule, TicketState,
+    Worker, World, WorldOptions,
 };
 use cairn::{ErrorKind, Picture};
 use test_support::worlds::{self, controls, fingerprint, picture, point, seeded, world};
@@ -240,6 +240,29 @@ fn each_cache_mode_commits_its_latents() {
     assert_eq!((info.committed, info.ring_bytes), (false, 0));
     assert!(ring(&rollout).0 == before);
     assert_eq!(rollout.planner().ring_clock(), 1);
+}
+
+/// The rollout keeps what it computed of a few noise levels, and the world that of more.
+#[test]
+fn probes_at_many_noise_levels_give_what_one_gives_and_change_no_step() {
+    let world = world("tiny");
+    let (mut probed, mut plain) = (seeded(&world, &point(&world), 6), seeded(&world, &point(&world), 6));
+    let plan = probed.planner().plan_step(&controls(0)).expect("a plan");
+    let x = vec![0.5; world.latent_len()];
+    let levels: Vec<f32> = (0..MAX_POINTS as u32 + 10).map(|i| 1.0 - i as f32 / 128.0).collect();
+    let mut velocities = Vec::new();
+    for &level in levels.iter().chain(&levels[..3]) {
+        velocities.push(probed.probe(&plan, level, &x).expect("a pass").velocity);
+    }
+    assert!(velocities.windows(2).all(|pair| pair[0] != pair[1]), "a level has a velocity of its own");
+    assert!(velocities[..3] == velocities[levels.len()..]);
+    let other = seeded(&world, &point(&world), 6).probe(&plan, levels[40], &x).expect("a pass");
+    assert!(other.velocity == velocities[40]);
+    for latent in 0..3 {
+        probed.step(&controls(latent)).expect("a step");
+        plain.step(&controls(latent)).expect("a step");
+        assert!(probed.latent().expect("a latent") == plain.latent().expect("a latent"), "latent {latent}");
+    }
 }
 
 #[test]

@@ -188,17 +188,30 @@ fn slices_are_models_whose_layers_are_those_of_the_whole() {
     let onnx = bundle.model(GraphKind::Transformer, Precision::F32).expect("a model").onnx;
     let layers = bundle.geometry().layers;
     let models = slice_transformer(onnx, bundle.manifest(), Precision::F32, 128, layers).expect("slices");
-    let (conditioning, slices) = models.split_first().expect("models");
+    let [of_levels, of_controls, slices @ ..] = &models[..] else { panic!("models") };
     assert_eq!(slices.len(), layers as usize);
     let has = |slice: &[u8], text: &str| slice.windows(text.len()).any(|bytes| bytes == text.as_bytes());
+    let in_slices = |text: &str| slices.iter().any(|slice| has(slice, text));
     for weight in ["denoise_step_emb.mlp.fc2.weight", "cond_head.cond_proj.weight", "out_norm.fc.weight"] {
-        assert!(has(conditioning, weight) && !slices.iter().any(|slice| has(slice, weight)), "{weight}");
+        assert_eq!(
+            [has(of_levels, weight), has(of_controls, weight), in_slices(weight)],
+            [true, false, false],
+            "{weight}"
+        );
     }
-    for input in ["sigma", "controls", "past.0.k"] {
+    for weight in ["ctrl_emb.mlp.fc1.weight", "ctrl_mlpfusion.fc1_c.weight"] {
+        assert_eq!(
+            [has(of_levels, weight), has(of_controls, weight), in_slices(weight)],
+            [false, true, false],
+            "{weight}"
+        );
+    }
+    for (input, expected) in
+        [("sigma", [true, false, false]), ("controls", [false, true, false]), ("past.0.k", [false, false, true])]
+    {
         // As protobuf writes a name: the field's number and type, and the length.
         let name = format!("\n{}{input}", char::from(input.len() as u8));
-        assert_eq!(has(conditioning, &name), input == "sigma", "{input}");
-        assert_eq!(slices.iter().any(|slice| has(slice, &name)), input != "sigma", "{input}");
+        assert_eq!([has(of_levels, &name), has(of_controls, &name), in_slices(&name)], expected, "{input}");
     }
     for (i, slice) in slices.iter().enumerate() {
         for layer in 0..layers as usize {
@@ -207,10 +220,6 @@ fn slices_are_models_whose_layers_are_those_of_the_whole() {
                 assert_eq!(has(slice, &text), layer == i, "{text} in slice {i}");
             }
         }
-        assert_eq!(
-            (has(slice, "ctrl_emb.mlp.fc1.weight"), has(slice, "x_next")),
-            (i == 0, i + 1 == slices.len()),
-            "{i}"
-        );
+        assert_eq!((has(slice, "\u{F}patchify.weight"), has(slice, "x_next")), (i == 0, i + 1 == slices.len()), "{i}");
     }
 }

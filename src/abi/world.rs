@@ -180,7 +180,7 @@ pub struct cairn_world_memory {
     pub reserved: u32,
     /// The bundle's files, while they are loaded.
     pub bundle: u64,
-    /// Weights as ONNX Runtime holds them.
+    /// Weights as ONNX Runtime holds them, and those that the world keeps in the host's memory for noise levels that it has not seen yet.
     pub weights: u64,
     /// Keys and values of one rollout's ring. Each further rollout needs this and the slabs.
     pub ring: u64,
@@ -302,7 +302,7 @@ pub unsafe extern "C" fn cairn_world_get_memory(
             struct_size: 0,
             reserved: 0,
             bundle: need.bundle,
-            weights: need.weights,
+            weights: need.weights.saturating_add(need.conditioning),
             ring: need.ring,
             slabs: need.slabs,
             intermediates: need.intermediates.saturating_add(need.unpacked),

@@ -22,8 +22,11 @@ pub struct GraphCost {
 /// Cost of a world's graphs at one global window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct WorldCost {
-    /// One pass of the transformer: a denoise pass or a cache pass, without the conditioning, which is computed once for each noise level.
+    /// One pass of the transformer: a denoise pass or a cache pass, without the conditioning: what depends on the noise level alone
+    /// or on the controls alone.
     pub pass: GraphCost,
+    /// Embedding the controls of a latent, once for all of its passes.
+    pub controls: GraphCost,
     /// Encoding pictures into a latent.
     pub encode: GraphCost,
     /// Decoding a latent into pictures.
@@ -41,6 +44,7 @@ impl Bundle {
             .map(|kind| self.footprint(kind, precision, g).map(|footprint| footprint.cost));
         let slices = self.splitting(GraphKind::Transformer, precision, g)?.split(1)?;
         let pass = slices.models.first().map(|model| model.footprint.cost).unwrap_or_default();
-        Ok(WorldCost { pass, encode: encode?, decode: decode? })
+        let controls = slices.of_controls.map(|model| model.footprint.cost).unwrap_or_default();
+        Ok(WorldCost { pass, controls, encode: encode?, decode: decode? })
     }
 }

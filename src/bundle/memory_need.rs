@@ -31,7 +31,8 @@ pub enum Processor {
 /// ```
 ///
 /// A world computes the conditioning of a noise level once, in a session of its own that it drops, so that `weights` has none of it. What rollouts keep
-/// of it, a set of values for each noise level of the stock schedule, is part of `intermediates`.
+/// of it, a set of values for each noise level of the stock schedule, is part of `intermediates`. The session that embeds controls stays: its needs are
+/// part of those of the transformer.
 ///
 /// With joined passes, `weights`, `intermediates` and `unpacked` are the sums of both graphs, except for weights that they share; there are three
 /// times the slabs.
@@ -205,12 +206,13 @@ impl Need {
     }
 
     fn in_slices(slices: &Slices, processor: Processor) -> Self {
-        let footprints: Vec<Footprint> = slices.models.iter().map(|model| model.footprint).collect();
+        let (conditioning, of_controls) = (slices.of_levels.as_ref(), slices.of_controls.as_ref());
+        let footprints = slices.models.iter().map(|model| model.footprint);
+        let footprints: Vec<Footprint> = footprints.chain(of_controls.map(|model| model.footprint)).collect();
+        let values = |model: &ConditioningModel| model.values.iter().map(|value| value.bytes() as u64).sum::<u64>();
         let between_slices = slices.buffer_sizes.iter().map(|&bytes| bytes as u64).fold(0, u64::saturating_add);
-        let conditioning = slices.conditioning.as_ref();
-        let values = |model: &ConditioningModel| model.values.iter().map(|value| value.bytes() as u64).sum();
         Self {
-            between_slices,
+            between_slices: between_slices.saturating_add(of_controls.map_or(0, values)),
             conditioning: conditioning.map_or(0, |model| model.stored_weights),
             conditioning_values: conditioning.map_or(0, values),
             ..Self::of(&footprints, processor)

@@ -40,7 +40,11 @@ impl Conditioning {
             device: device.clone(),
             onnx: with_weights_inside(&own)?,
             levels: TensorSpec::new("sigma", Precision::F32, &[latents]),
-            values: model.values.iter().map(|value| TensorSpec::new(&value.name, value.precision, &value.shape)).collect(),
+            values: model
+                .values
+                .iter()
+                .map(|value| TensorSpec::new(&value.name, value.precision, &value.shape))
+                .collect(),
             computed: Mutex::new(Vec::new()),
         };
         made.compute(levels)?;

@@ -244,6 +244,9 @@ impl TransformerPass {
         }
         let shared = transformer.shared_buffers(context)?;
         let binding = transformer.bind(context, &buffers, &shared)?;
+        if let Some(controls) = transformer.bind_controls(context, &buffers, &shared)? {
+            context.run(controls)?;
+        }
         let conditioning = ConditioningInputs::of(context, transformer, &shared, 1)?;
         let (inputs, outputs) = buffers.split_at(transformer.input_count());
         let slabs = 2 * shapes.layers;

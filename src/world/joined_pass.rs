@@ -11,7 +11,7 @@ use super::rope::RopeTable;
 use super::transformer::{PassBinding, Transformer};
 use crate::Result;
 use crate::bundle::Precision;
-use crate::runtime::{BufferId, ExecutionContext};
+use crate::runtime::{BindingId, BufferId, ExecutionContext};
 
 /// Inputs of the joined graph, and its bindings. In each input the finished latent comes first.
 pub(super) struct JoinedPass {
@@ -19,6 +19,8 @@ pub(super) struct JoinedPass {
     inputs: PassInputs,
     /// `bindings[i]` reads `x[i]` and writes the other, as those of the single passes.
     bindings: [PassBinding; 2],
+    /// Embeds the controls of both.
+    controls: Option<BindingId>,
     conditioning: Option<ConditioningInputs>,
     uploader: Uploader,
     // Host memory for uploads, reused so that a step allocates nothing.
@@ -42,16 +44,19 @@ impl JoinedPass {
         let inputs = PassInputs::new(context, &shapes, precision, JOINED_LATENTS)?;
         let shared = joined.shared_buffers(context)?;
         let conditioning = ConditioningInputs::of(context, joined, &shared, 1)?;
-        let mut bind = |x: BufferId, x_next: BufferId| {
+        let tensors = |x: BufferId, x_next: BufferId| -> Vec<BufferId> {
             let inputs = [x, finished].into_iter().chain(inputs.in_order());
-            let tensors: Vec<_> = inputs.chain(kv.rings()).chain([x_next]).chain(kv.finished_slabs()).collect();
-            joined.bind(context, &tensors, &shared)
+            inputs.chain(kv.rings()).chain([x_next]).chain(kv.finished_slabs()).collect()
         };
-        let bindings = [bind(x[0], x[1])?, bind(x[1], x[0])?];
+        let [first, second] = [tensors(x[0], x[1]), tensors(x[1], x[0])];
+        let controls = joined.bind_controls(context, &first, &shared)?;
+        let mut bind = |tensors: &[BufferId]| joined.bind(context, tensors, &shared);
+        let bindings = [bind(&first)?, bind(&second)?];
         Ok(Self {
             shapes,
             inputs,
             bindings,
+            controls,
             conditioning,
             uploader: Uploader::new(precision, mask_len(false).max(mask_len(true)))?,
             rope: [convert::zeroed(angles)?, convert::zeroed(angles)?],
@@ -106,6 +111,7 @@ impl JoinedPass {
 
     /// Runs the pass from latent buffer `from`.
     pub(super) fn run(&self, context: &mut dyn ExecutionContext, from: usize) -> Result<()> {
+        self.controls.map_or(Ok(()), |controls| context.run(controls))?;
         self.bindings[from].run(context)
     }
 }

@@ -13,7 +13,7 @@ use super::transformer::PassBinding;
 use super::world::World;
 use crate::Result;
 use crate::bundle::Precision;
-use crate::runtime::{BufferId, ExecutionContext, Region, element_size};
+use crate::runtime::{BindingId, BufferId, ExecutionContext, Region, element_size};
 
 /// The mask value of a hidden key: representable in f16, and far below any attention score.
 pub(super) const HIDDEN: f32 = -10_000.0;
@@ -35,6 +35,8 @@ pub(super) struct Passes {
     table: BufferId,
     /// `bindings[i]` reads `x[i]` and writes the other.
     bindings: [PassBinding; 2],
+    /// Embeds the controls of a step.
+    controls: Option<BindingId>,
     conditioning: Option<ConditioningInputs>,
     /// Whether passes read noise levels, beside the conditioning.
     reads_levels: bool,
@@ -70,12 +72,14 @@ impl Passes {
         let table = context.buffer(MAX_POINTS * ROW)?;
         let shared = world.transformer.shared_buffers(context)?;
         let conditioning = ConditioningInputs::of(context, &world.transformer, &shared, world.kept_levels())?;
-        let mut bind = |x: BufferId, x_next: BufferId| {
+        let tensors = |x: BufferId, x_next: BufferId| -> Vec<BufferId> {
             let inputs = [x].into_iter().chain(inputs.in_order());
-            let tensors: Vec<_> = inputs.chain(kv.rings()).chain([x_next]).chain(kv.slabs()).collect();
-            world.transformer.bind(context, &tensors, &shared)
+            inputs.chain(kv.rings()).chain([x_next]).chain(kv.slabs()).collect()
         };
-        let bindings = [bind(x[0], x[1])?, bind(x[1], x[0])?];
+        let [first, second] = [tensors(x[0], x[1]), tensors(x[1], x[0])];
+        let controls = world.transformer.bind_controls(context, &first, &shared)?;
+        let mut bind = |tensors: &[BufferId]| world.transformer.bind(context, tensors, &shared);
+        let bindings = [bind(&first)?, bind(&second)?];
         let joined = world
             .joined
             .as_ref()
@@ -98,6 +102,7 @@ impl Passes {
             inputs,
             table,
             bindings,
+            controls,
             conditioning,
             reads_levels: world.transformer.reads_levels(),
             joined,
@@ -149,6 +154,11 @@ impl Passes {
     pub(super) fn forget_conditioning(&mut self) {
         self.conditioning.iter_mut().for_each(ConditioningInputs::forget);
         self.joined.iter_mut().for_each(JoinedPass::forget_conditioning);
+    }
+
+    /// Embeds the controls of the prepared plan, which its passes need.
+    pub(super) fn embed_controls(&self, context: &mut dyn ExecutionContext) -> Result<()> {
+        self.controls.map_or(Ok(()), |controls| context.run(controls))
     }
 
     /// Uploads the noise that the prepared plan starts from, if any.

@@ -8,13 +8,14 @@ use half::f16;
 use super::conditioning::Conditioning;
 use super::graph_spec::{self, GraphSpec, Shapes};
 use super::preset::Preset;
-use crate::Result;
 use crate::bundle::{
-    Bundle, GraphKind, Manifest, ModelSource, NamedTensor, Precision, SliceModel, SliceTensor, Slices,
+    Bundle, ConditioningModel, GraphKind, Manifest, ModelSource, NamedTensor, Precision, SliceModel, SliceTensor,
+    Slices,
 };
 #[cfg(windows)]
 use crate::runtime::Work;
 use crate::runtime::{BindingId, BufferId, Device, ElementType, ExecutionContext, Graph, TensorSpec};
+use crate::{Error, Result};
 
 /// Timed passes, after one warm-up pass.
 const MEASURED_PASSES: usize = 3;
@@ -34,6 +35,16 @@ pub(super) struct Transformer {
     intermediates: Vec<usize>,
     /// What it needs of the noise levels; `None` if it computes all of that in each pass.
     conditioning: Option<Arc<Conditioning>>,
+    /// Embeds the controls; `None` if it does so in each pass.
+    controls: Option<ControlEmbedding>,
+}
+
+/// The graph that runs once in each step, and makes what passes need of the controls.
+struct ControlEmbedding {
+    graph: Arc<Graph>,
+    /// The controls, a position in [`Transformer::tensors`].
+    input: usize,
+    values: Vec<TensorSpec>,
 }
 
 struct Slice {
@@ -50,7 +61,9 @@ enum Tensor {
     /// A position in [`Transformer::intermediates`].
     Intermediate(usize),
     /// A position in [`Conditioning::values`].
-    Conditioning(usize),
+    OfLevels(usize),
+    /// A position in [`ControlEmbedding::values`].
+    OfControls(usize),
 }
 
 /// Buffers of one context that all bindings of a transformer share, because its passes follow each other.
@@ -59,6 +72,8 @@ pub(super) struct SharedBuffers {
     intermediates: Vec<BufferId>,
     /// The conditioning of the next pass.
     pub(super) conditioning: Vec<BufferId>,
+    /// The embedded controls of the step.
+    controls: Vec<BufferId>,
 }
 
 /// A transformer with all inputs and outputs bound to buffers of one context.
@@ -111,9 +126,8 @@ impl TransformerSource<'_> {
         let spec = graph_spec::joined(&self.manifest().geometry, self.shapes, self.precision);
         let split = self.bundle.splitting(GraphKind::Joined, self.precision, self.global_window)?.split(1)?;
         let first = self.manifest().sampler.schedule.first().copied().unwrap_or_default() as f32;
-        let shared = transformer.slices.first().map(|slice| &slice.graph);
         let levels = vec![vec![0.0, first]];
-        self.sessions(GraphKind::Joined, spec, split, levels, shared, &|_| Ok("joined pass".to_owned()))
+        self.sessions(GraphKind::Joined, spec, split, levels, Some(transformer), &|_| Ok("joined pass".to_owned()))
     }
 
     /// Makes the sessions of a transformer with the interface `spec`, and its conditioning at `levels`. `name` is called before each with the slice's
@@ -124,33 +138,40 @@ impl TransformerSource<'_> {
         spec: GraphSpec,
         split: Slices,
         levels: Vec<Vec<f32>>,
-        shared: Option<&Arc<Graph>>,
+        shared: Option<&Transformer>,
         name: &dyn Fn(usize) -> Result<String>,
     ) -> Result<Transformer> {
         let source = self.bundle.model(kind, self.precision)?;
         let dimensions = graph_spec::dimensions(self.shapes, kind.latents() as usize);
-        let Slices { conditioning, models, intermediates, buffer_sizes } = split;
+        let Slices { of_levels, of_controls, models, intermediates, buffer_sizes } = split;
         // First, so that its weights are gone from the device before the others are there.
         let new_conditioning = |model| Conditioning::new(self.device, model, &source, kind.latents() as usize, &levels);
-        let conditioning = conditioning.as_ref().map(new_conditioning).transpose()?.map(Arc::new);
+        let conditioning = of_levels.as_ref().map(new_conditioning).transpose()?.map(Arc::new);
         let (inputs, whole) = (spec.inputs.len(), [spec.inputs, spec.outputs].concat());
         let position = |tensor: &SliceTensor| match *tensor {
             SliceTensor::Input(at) => Tensor::Whole(at),
             SliceTensor::Output(at) => Tensor::Whole(inputs + at),
             SliceTensor::Intermediate(at) => Tensor::Intermediate(intermediates[at].buffer),
-            SliceTensor::Conditioning(at) => Tensor::Conditioning(at),
+            SliceTensor::OfLevels(at) => Tensor::OfLevels(at),
+            SliceTensor::OfControls(at) => Tensor::OfControls(at),
         };
+        let embedding = |model: &ConditioningModel| {
+            let embedding = ModelSource { onnx: &model.onnx, external: source.external.clone() };
+            let values: Vec<_> = model.values.iter().map(value_spec).collect();
+            let (inputs, outputs) = (vec![whole[model.input].clone()], values.clone());
+            let shared = shared.and_then(|other| other.controls.as_ref()).map(|controls| &controls.graph);
+            let graph = self.device.graph("controls", &embedding, &[], inputs, outputs, shared)?;
+            Ok::<_, Error>(ControlEmbedding { graph, input: model.input, values })
+        };
+        let controls = of_controls.as_ref().map(embedding).transpose()?;
         let spec_of = |tensor: &SliceTensor| match *tensor {
             SliceTensor::Input(at) => whole[at].clone(),
             SliceTensor::Output(at) => whole[inputs + at].clone(),
-            SliceTensor::Intermediate(at) => {
-                let NamedTensor { name, precision, shape } = &intermediates[at].tensor;
-                TensorSpec::new(name, *precision, shape)
-            }
-            SliceTensor::Conditioning(at) => {
-                conditioning.as_ref().expect("slices with conditioning").values()[at].clone()
-            }
+            SliceTensor::Intermediate(at) => value_spec(&intermediates[at].tensor),
+            SliceTensor::OfLevels(at) => conditioning.as_ref().expect("conditioning of levels").values()[at].clone(),
+            SliceTensor::OfControls(at) => controls.as_ref().expect("embedded controls").values[at].clone(),
         };
+        let shared = shared.and_then(|other| other.slices.first()).map(|slice| &slice.graph);
         let make = |(i, model): (usize, &SliceModel)| {
             let what = name(i + 1)?;
             let slice = ModelSource { onnx: &model.onnx, external: source.external.clone() };
@@ -160,7 +181,7 @@ impl TransformerSource<'_> {
             Ok(Slice { graph, tensors: model.inputs.iter().chain(&model.outputs).map(position).collect() })
         };
         let slices = models.iter().enumerate().map(make).collect::<Result<_>>()?;
-        Ok(Transformer { slices, tensors: whole, inputs, intermediates: buffer_sizes, conditioning })
+        Ok(Transformer { slices, tensors: whole, inputs, intermediates: buffer_sizes, conditioning, controls })
     }
 
     /// The noise levels of all presets, without duplicates.
@@ -207,6 +228,10 @@ impl TransformerSource<'_> {
     }
 }
 
+fn value_spec(value: &NamedTensor) -> TensorSpec {
+    TensorSpec::new(&value.name, value.precision, &value.shape)
+}
+
 /// The number of slices to try after `slices`, of which the longest takes `longest`; `None` if that is within `limit` or no more than `most`
 /// are possible. `share` is the estimated share of the longest of so many slices.
 fn more_slices(
@@ -234,7 +259,7 @@ impl Transformer {
     pub(super) fn whole(graph: Arc<Graph>, spec: GraphSpec) -> Self {
         let (inputs, tensors) = (spec.inputs.len(), [spec.inputs, spec.outputs].concat());
         let slice = Slice { graph, tensors: (0..tensors.len()).map(Tensor::Whole).collect() };
-        Self { slices: vec![slice], tensors, inputs, intermediates: Vec::new(), conditioning: None }
+        Self { slices: vec![slice], tensors, inputs, intermediates: Vec::new(), conditioning: None, controls: None }
     }
 
     /// Number of slices.
@@ -269,19 +294,43 @@ impl Transformer {
         self.slices.iter().any(|slice| slice.tensors.iter().any(read))
     }
 
-    /// Bytes of a rollout's intermediate tensors between slices, and of what it keeps of the conditioning at `levels` noise levels.
+    /// The embedded controls.
+    fn control_values(&self) -> &[TensorSpec] {
+        self.controls.as_ref().map_or(&[], |controls| &controls.values)
+    }
+
+    /// Bytes of a rollout's intermediate tensors between slices, of its embedded controls, and of what it keeps of the conditioning at `levels` noise
+    /// levels.
     pub(super) fn intermediate_bytes(&self, levels: usize) -> u64 {
         let conditioning = self.conditioning.as_ref().map_or(0, |conditioning| conditioning.bytes());
-        self.intermediates.iter().map(|&bytes| bytes as u64).sum::<u64>() + conditioning * (levels as u64 + 1)
+        let controls = self.control_values().iter().map(|value| value.bytes() as u64).sum::<u64>();
+        let between_slices = self.intermediates.iter().map(|&bytes| bytes as u64).sum::<u64>();
+        between_slices + controls + conditioning * (levels as u64 + 1)
     }
 
     /// Buffers for [`bind`](Self::bind).
     pub(super) fn shared_buffers(&self, context: &mut dyn ExecutionContext) -> Result<SharedBuffers> {
         let values = self.conditioning.as_ref().map_or(&[][..], |conditioning| conditioning.values());
+        let mut buffers = |sizes: &mut dyn Iterator<Item = usize>| {
+            sizes.map(|bytes| context.buffer(bytes)).collect::<Result<Vec<_>>>()
+        };
         Ok(SharedBuffers {
-            intermediates: self.intermediates.iter().map(|&bytes| context.buffer(bytes)).collect::<Result<_>>()?,
-            conditioning: values.iter().map(|value| context.buffer(value.bytes())).collect::<Result<_>>()?,
+            intermediates: buffers(&mut self.intermediates.iter().copied())?,
+            conditioning: buffers(&mut values.iter().map(TensorSpec::bytes))?,
+            controls: buffers(&mut self.control_values().iter().map(TensorSpec::bytes))?,
         })
+    }
+
+    /// Binds the graph that embeds controls, which must run before the passes of a step: `tensors` as in [`bind`](Self::bind). `None` if there is none.
+    pub(super) fn bind_controls(
+        &self,
+        context: &mut dyn ExecutionContext,
+        tensors: &[BufferId],
+        shared: &SharedBuffers,
+    ) -> Result<Option<BindingId>> {
+        let Some(ControlEmbedding { graph, input, .. }) = &self.controls else { return Ok(None) };
+        let buffers: Vec<BufferId> = std::iter::once(tensors[*input]).chain(shared.controls.iter().copied()).collect();
+        context.bind(graph, &buffers).map(Some)
     }
 
     /// Binds all slices permanently: `tensors` are the inputs of the whole transformer in order, then its outputs in order.
@@ -295,7 +344,8 @@ impl Transformer {
         let buffer = |tensor: &Tensor| match *tensor {
             Tensor::Whole(at) => tensors[at],
             Tensor::Intermediate(at) => shared.intermediates[at],
-            Tensor::Conditioning(at) => shared.conditioning[at],
+            Tensor::OfLevels(at) => shared.conditioning[at],
+            Tensor::OfControls(at) => shared.controls[at],
         };
         let bind = |slice: &Slice| {
             let buffers: Vec<BufferId> = slice.tensors.iter().map(buffer).collect();
@@ -341,7 +391,8 @@ impl Transformer {
         let (wide, half) = (vec![0.1_f32; UPLOAD_CHUNK], vec![f16::from_f32(0.1); UPLOAD_CHUNK]);
         let shared = self.shared_buffers(&mut *context)?;
         let conditioning = self.conditioning.as_ref().map_or(&[][..], |conditioning| conditioning.values());
-        let inputs = buffers.iter().zip(&self.tensors[..self.inputs]).chain(shared.conditioning.iter().zip(conditioning));
+        let inputs =
+            buffers.iter().zip(&self.tensors[..self.inputs]).chain(shared.conditioning.iter().zip(conditioning));
         for (buffer, spec) in inputs {
             let values: &[u8] = match spec.element {
                 ElementType::F16 => bytemuck::cast_slice(&half),
@@ -352,6 +403,9 @@ impl Transformer {
             }
         }
         let binding = self.bind(&mut *context, &buffers, &shared)?;
+        if let Some(controls) = self.bind_controls(&mut *context, &buffers, &shared)? {
+            context.run(controls)?;
+        }
         let mut times = vec![Vec::with_capacity(MEASURED_PASSES); self.slices.len()];
         for pass in 0..=MEASURED_PASSES {
             for ((slice, binding), times) in self.slices.iter().zip(&binding.0).zip(&mut times) {

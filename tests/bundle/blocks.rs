@@ -28,7 +28,8 @@ fn set_length(tensor: &mut Tensor, length: i64) {
     entries.iter_mut().find(|(key, _)| key == "length").expect("a length").1 = length.to_string();
 }
 
-/// The first 256 controls times a matrix of 256 rows and 2 columns, in `bits` and blocks of 32.
+/// The first 256 controls and the noise level, times a matrix of 256 rows and 2 columns, in `bits` and blocks of 32. It runs in each pass, because it
+/// depends on both.
 fn with_product(bits: i64) -> ToyBundle {
     let mut toy = ToyBundle::new();
     toy.manifest["quantisation"] =
@@ -39,7 +40,8 @@ fn with_product(bits: i64) -> ToyBundle {
         for (name, bound) in [("from", 0), ("to", 256), ("axis", 1)] {
             m.tensors.push(inside_ints(name, &[bound]));
         }
-        m.nodes.push(node("Slice", &["controls", "from", "to", "axis"], &["row"], vec![]));
+        m.nodes.push(node("Slice", &["controls", "from", "to", "axis"], &["first"], vec![]));
+        m.nodes.push(node("Add", &["first", "sigma"], &["row"], vec![]));
         m.tensors.push(bytes("numbers", &[2, 8, 4 * bits], 0));
         m.tensors.push(external("scales", &[2, 8], WEIGHTS, SCALES.0 as u64));
         m.nodes.push(node("Cast", &["scales"], &["scales.f32"], vec![int("to", F32)]));

@@ -7,7 +7,7 @@ import pytest
 from conftest import TINY
 
 from cairn.build.cli import main
-from cairn.build.conditioning import conditioning, weights_of_passes
+from cairn.build.conditioning import CONTROLS, LEVELS, PASS, parts, weights_of
 from cairn.build.costs import node_costs
 from cairn.build.writer import build_graphs
 
@@ -35,34 +35,36 @@ def test_a_reshape_moves_nothing(transformer):
     assert reshapes and all((n.read, n.written, n.multiply_adds) == (0, 0, 0) for n in reshapes)
 
 
-def test_nodes_of_weights_or_levels_alone_do_not_run_in_a_pass(transformer):
+def test_nodes_that_need_only_weights_levels_or_controls_do_not_run_in_a_pass(transformer):
     graph = build_graphs(TINY, "f16")["transformer"].model().graph
     weights = {tensor.name for tensor in graph.initializer}
     casts = {node.name for node in graph.node if node.op_type == "Cast" and node.input[0] in weights}
     assert casts and not casts & transformer.keys()
-    of_levels = {node.name for node in graph.node if node.name.split("/")[0].split(".")[0] in ("sigma", "fourier", "cond", "out")}
-    assert {name for name in of_levels if name.endswith("/MatMul")} == {
-        *("sigma.hidden/MatMul", "cond/MatMul", "cond.modulations/MatMul", "out.modulation/MatMul")
-    }
     left_out = {node.name for node in graph.node} - casts - transformer.keys()
-    assert left_out <= of_levels and {name for name in of_levels if name.endswith("/MatMul")} <= left_out
+    products = {name.removesuffix("/MatMul") for name in left_out if name.endswith("/MatMul")}
+    of_layers = {f"blocks.{i}.ctrl.c" for i in range(TINY.layers) if TINY.sees_controls(i)}
+    of_levels = {"sigma.hidden", "cond", "cond.modulations", "out.modulation"}
+    assert of_layers and products == of_levels | of_layers | {"ctrl.hidden", "ctrl.emb"}
 
 
-def test_a_pass_needs_no_weights_of_its_conditioning():
+def test_a_pass_has_no_weights_of_its_conditioning():
     graph = build_graphs(TINY, "f16")["transformer"]
     model = graph.model().graph
-    left_out = graph.used_weights - weights_of_passes(model)
-    assert left_out == {
-        *("denoise_step_emb.mlp.fc1.weight", "denoise_step_emb.mlp.fc2.weight", "cond_head.bias_in", "cond_head.cond_proj.weight", "out_norm.fc.weight")
-    }
-    # The whole chain of a value that a pass reads, and nothing else of it.
-    assert [node.name for node, is_found in zip(model.node, conditioning(model)) if is_found and node.op_type == "Split"] == []
+    of_levels, of_controls, of_pass = ({*graph.used_weights} & weights_of(model, part) for part in (LEVELS, CONTROLS, PASS))
+    assert of_levels | of_controls | of_pass == graph.used_weights
+    assert not of_levels & (of_controls | of_pass) and not of_controls & of_pass
+    expected = {"denoise_step_emb.mlp.fc1", "denoise_step_emb.mlp.fc2", "cond_head.cond_proj", "out_norm.fc"}
+    assert of_levels == {f"{name}.weight" for name in expected} | {"cond_head.bias_in"}
+    layers = {f"blocks.{i}.ctrl_mlpfusion.fc1_c" for i in range(TINY.layers) if TINY.sees_controls(i)}
+    assert of_controls == {f"{name}.weight" for name in layers | {"ctrl_emb.mlp.fc1", "ctrl_emb.mlp.fc2"}}
+    # A part ends with its products: what only divides their results among layers runs in a pass.
+    assert {node.op_type for node, part in zip(model.node, parts(model)) if part != PASS}.isdisjoint({"Split", "Slice"})
 
 
 def test_the_command_prints_every_graph_of_every_world(capsys):
     assert main(["costs", "--preset", "tiny"]) == 0
     world = json.loads(capsys.readouterr().out)["tiny"]
-    assert world["window"] == TINY.global_window and world["graphs"].keys() == {"transformer", "encoder", "decoder"}
+    assert world["window"] == TINY.global_window and world["graphs"].keys() == {"transformer", "controls", "encoder", "decoder"}
     name, operator, output, multiply_adds, read, written = world["graphs"]["decoder"][0]
     assert name.endswith(f"/{operator}") and output and multiply_adds >= 0
     assert math.prod((read, written)) > 0 or operator == "Reshape"

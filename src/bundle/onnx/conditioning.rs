@@ -1,8 +1,9 @@
-//! The conditioning of a transformer: the nodes whose values depend on its noise levels alone, up to the last products with weights among them. They
-//! embed the noise level and make each layer's scales, shifts and gates.
+//! The conditioning of a transformer: the nodes whose values depend on its noise levels alone, or on its controls alone, up to the last products with
+//! weights among them.
 //!
-//! They give the same values in every pass at the same noise level, so that they can run apart from passes, once for each level. Their weights then
-//! need no memory of the device while it makes latents.
+//! Those of the noise levels embed them and make each layer's scales, shifts and gates. They give the same values in every pass at the same level, so
+//! that they can run apart from passes, once for each level; their weights then need no memory of the device while it makes latents. Those of the
+//! controls embed them and make what each layer adds of them. They give the same values in every pass of a step, and run once for it.
 
 use std::collections::HashSet;
 
@@ -14,32 +15,61 @@ use super::{CheckResult, Fault, quoted};
 use crate::Result;
 use crate::bundle::ModelSource;
 
-/// The input that has the noise levels.
-pub(super) const LEVELS: &str = "sigma";
+/// What a node of a transformer depends on, which says when it runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Part {
+    /// Once for each noise level.
+    Levels,
+    /// Once for each step.
+    Controls,
+    /// In each pass.
+    Pass,
+}
 
-/// For each node of a transformer, whether it is part of the conditioning. Nodes that read only constants are not: both parts may need them.
-pub(super) fn conditioning_nodes(graph: &Graph<'_>) -> Vec<bool> {
+impl Part {
+    /// The input that nodes of this part alone depend on.
+    fn input(self) -> &'static str {
+        match self {
+            Self::Levels => "sigma",
+            Self::Controls => "controls",
+            Self::Pass => "",
+        }
+    }
+}
+
+/// The part of each node. Nodes that read only constants are of the pass, and written to each part that needs them.
+pub(super) fn parts(graph: &Graph<'_>) -> Vec<Part> {
+    let mut parts = vec![Part::Pass; graph.nodes.len()];
+    for part in [Part::Levels, Part::Controls] {
+        let own = nodes_of(graph, part.input());
+        parts.iter_mut().zip(own).filter(|(_, is_own)| *is_own).for_each(|(found, _)| *found = part);
+    }
+    parts
+}
+
+/// For each node, whether its values depend on `input` alone, and a product with weights needs them or makes them.
+fn nodes_of(graph: &Graph<'_>, input: &str) -> Vec<bool> {
     let outputs: HashSet<&str> = graph.outputs.iter().map(|output| output.name).collect();
     let mut constants: HashSet<&str> = graph.tensors.iter().map(|tensor| tensor.name).collect();
-    let mut of_levels = HashSet::from([LEVELS]);
+    let mut of_input = HashSet::from([input]);
     let mut is_product = vec![false; graph.nodes.len()];
     for (node, is_product) in graph.nodes.iter().zip(&mut is_product) {
         let read: Vec<&str> = node.inputs.iter().copied().filter(|name| !name.is_empty()).collect();
         let has_constant = read.iter().any(|name| constants.contains(name));
         if read.iter().all(|name| constants.contains(name)) {
             constants.extend(node.outputs.iter().copied());
-        } else if read.iter().all(|name| constants.contains(name) || of_levels.contains(name))
+        } else if read.iter().all(|name| constants.contains(name) || of_input.contains(name))
             // A pass must make its own outputs.
             && !node.outputs.iter().any(|name| outputs.contains(name))
         {
-            of_levels.extend(node.outputs.iter().copied());
+            of_input.extend(node.outputs.iter().copied());
             *is_product = has_constant && matches!(node.operator, "MatMul" | "Gemm" | NBITS);
         }
     }
     let mut needed: HashSet<&str> = HashSet::new();
     let mut nodes = vec![false; graph.nodes.len()];
     for (i, node) in graph.nodes.iter().enumerate().rev() {
-        nodes[i] = is_product[i] || node.outputs.iter().any(|name| of_levels.contains(name) && needed.contains(name));
+        nodes[i] = is_product[i] || node.outputs.iter().any(|name| of_input.contains(name) && needed.contains(name));
         if nodes[i] {
             needed.extend(node.inputs.iter().copied());
         }

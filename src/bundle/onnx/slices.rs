@@ -10,7 +10,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use super::check::{footprint_at, opset, parse};
-use super::conditioning::conditioning_nodes;
+use super::conditioning::{Part, parts};
 use super::interface::{Interface, Port};
 use super::proto::{self, Data, Graph};
 use super::shape_inference::{Footprint, Named, infer_sizes};
@@ -40,10 +40,12 @@ pub(crate) struct Splitting<'a> {
     names: HashMap<&'a str, usize>,
     /// For each node, whether it runs in a pass: whether it reads more than constants, and is not of the conditioning.
     runs: Vec<bool>,
-    /// For each node, whether it is of the conditioning.
-    is_conditioning: Vec<bool>,
-    /// The values of the conditioning that passes read, positions in `values`.
-    conditioning: Vec<usize>,
+    /// The part of each node.
+    parts: Vec<Part>,
+    /// The values of noise levels alone that passes read, positions in `values`.
+    of_levels: Vec<usize>,
+    /// The same of controls.
+    of_controls: Vec<usize>,
     /// The node at which each part starts: 0, and one between each two layers that can be separated.
     starts: Vec<usize>,
     /// Estimated work of each part, once it was needed.
@@ -86,10 +88,12 @@ enum Origin {
     Node(usize),
 }
 
-/// A transformer in slices.
+/// A transformer in slices, and what they read of its conditioning.
 pub(crate) struct Slices {
-    /// What the slices read of the noise levels, made of them by a model of its own; `None` if the transformer has no product of levels and weights.
-    pub(crate) conditioning: Option<ConditioningModel>,
+    /// `None` if the transformer has no product of noise levels and weights.
+    pub(crate) of_levels: Option<ConditioningModel>,
+    /// `None` if the transformer has no product of controls and weights.
+    pub(crate) of_controls: Option<ConditioningModel>,
     /// In the order in which they run.
     pub(crate) models: Vec<SliceModel>,
     /// Values that one slice makes and later ones read.
@@ -98,12 +102,15 @@ pub(crate) struct Slices {
     pub(crate) buffer_sizes: Vec<usize>,
 }
 
-/// The conditioning of a transformer. Its only input is the whole model's `sigma`.
+/// A part of the conditioning of a transformer.
 pub(crate) struct ConditioningModel {
     /// A model whose weights are those of the whole model.
     pub(crate) onnx: Vec<u8>,
+    /// Its only input, a position among those of the whole model.
+    pub(crate) input: usize,
     /// Its outputs.
     pub(crate) values: Vec<NamedTensor>,
+    pub(in crate::bundle) footprint: Footprint,
     /// Bytes of its weights, as they are stored.
     pub(in crate::bundle) stored_weights: u64,
 }
@@ -134,8 +141,10 @@ pub(crate) enum SliceTensor {
     Output(usize),
     /// The value at this position of [`Slices::intermediates`].
     Intermediate(usize),
-    /// The value at this position of [`ConditioningModel::values`].
-    Conditioning(usize),
+    /// The value at this position of those that are made of the noise levels.
+    OfLevels(usize),
+    /// The value at this position of those that are made of the controls.
+    OfControls(usize),
 }
 
 /// A value that one slice makes and later ones read.
@@ -160,8 +169,8 @@ impl Bundle {
     }
 }
 
-/// The models of a transformer in `slices` slices, in the order in which they run, at a global window of `g` latents, after the model of its
-/// conditioning, if it has any. Their weights are those of the whole model. For tools and tests: [`World::load`](crate::world::World::load) splits a transformer itself.
+/// The models of a transformer in `slices` slices, in the order in which they run, at a global window of `g` latents, after the models of its
+/// conditioning: of noise levels, and of controls, if it has them. Their weights are those of the whole model. For tools and tests: [`World::load`](crate::world::World::load) splits a transformer itself.
 ///
 /// # Errors
 /// `InvalidBundle` for a model that is no transformer of this manifest; `InvalidArgument` for a number of slices that it cannot have, and for a
@@ -175,8 +184,9 @@ pub fn slice_transformer(
 ) -> Result<Vec<Vec<u8>>> {
     manifest.geometry.check_window(g)?;
     let context = ModelContext { manifest, kind: GraphKind::Transformer, precision };
-    let Slices { conditioning, models, .. } = Splitting::of(onnx, context, g)?.split(slices)?;
-    Ok(conditioning.map(|model| model.onnx).into_iter().chain(models.into_iter().map(|model| model.onnx)).collect())
+    let Slices { of_levels, of_controls, models, .. } = Splitting::of(onnx, context, g)?.split(slices)?;
+    let conditioning = of_levels.into_iter().chain(of_controls).map(|model| model.onnx);
+    Ok(conditioning.chain(models.into_iter().map(|model| model.onnx)).collect())
 }
 
 impl<'a> Splitting<'a> {
@@ -205,12 +215,13 @@ impl<'a> Splitting<'a> {
             values: Vec::new(),
             names: HashMap::new(),
             runs: Vec::new(),
-            is_conditioning: Vec::new(),
-            conditioning: Vec::new(),
+            parts: Vec::new(),
+            of_levels: Vec::new(),
+            of_controls: Vec::new(),
             starts: Vec::new(),
             work: OnceCell::new(),
         };
-        splitting.is_conditioning = conditioning_nodes(&splitting.graph);
+        splitting.parts = parts(&splitting.graph);
         splitting.add_values(shapes)?;
         splitting.starts = splitting.starts()?;
         Ok(splitting)
@@ -238,9 +249,14 @@ impl<'a> Splitting<'a> {
     /// `InvalidArgument` for a number of slices that the transformer cannot have; `InvalidBundle` if a value between slices is
     /// no floating-point tensor.
     pub(crate) fn split(&self, slices: u32) -> Result<Slices> {
-        let conditioning = self.write_conditioning().map_err(|fault| self.context.to_error(fault))?;
-        let mut split =
-            Slices { conditioning, models: Vec::new(), intermediates: Vec::new(), buffer_sizes: Vec::new() };
+        let conditioning = |part| self.write_conditioning(part).map_err(|fault| self.context.to_error(fault));
+        let mut split = Slices {
+            of_levels: conditioning(Part::Levels)?,
+            of_controls: conditioning(Part::Controls)?,
+            models: Vec::new(),
+            intermediates: Vec::new(),
+            buffer_sizes: Vec::new(),
+        };
         let mut positions = HashMap::new();
         let mut write = |slice, parts: Range<usize>| {
             let model = self.write(slice, self.nodes(&parts), &mut positions, &mut split.intermediates)?;
@@ -281,7 +297,7 @@ impl<'a> Splitting<'a> {
         start(parts.start)..start(parts.end)
     }
 
-    /// Fills `values`, `names`, `runs` and `conditioning`. `shapes` has the shapes of the outputs of each node that reads more than constants.
+    /// Fills `values`, `names`, `runs`, `of_levels` and `of_controls`. `shapes` has the shapes of the outputs of each node that reads more than constants.
     fn add_values(&mut self, shapes: Vec<Vec<Shape>>) -> CheckResult<()> {
         let mut shapes = shapes.into_iter();
         for (i, (value, port)) in self.graph.inputs.iter().zip(&self.inputs).enumerate() {
@@ -299,7 +315,7 @@ impl<'a> Splitting<'a> {
                 is_folded &= matches!(self.values[value].origin, Origin::Tensor(_) | Origin::Folded(_));
                 read.push(value);
             }
-            let runs = !is_folded && !self.is_conditioning[i];
+            let runs = !is_folded && self.parts[i] == Part::Pass;
             self.runs.try_reserve(1).map_err(Fault::no_memory)?;
             self.runs.push(runs);
             let made = if is_folded { None } else { shapes.next() };
@@ -321,8 +337,14 @@ impl<'a> Splitting<'a> {
             self.values[value].output = Some(i);
         }
         // No pass reads a value of its first node.
-        let is_read = |value: &Value<'_>| matches!(value.origin, Origin::Conditioning(_)) && value.last_use > 0;
-        self.conditioning = (0..self.values.len()).filter(|&i| is_read(&self.values[i])).collect();
+        let read = |part| {
+            let is_one = |i: &usize| {
+                let Value { origin, last_use, .. } = self.values[*i];
+                matches!(origin, Origin::Conditioning(node) if self.parts[node] == part && last_use > 0)
+            };
+            (0..self.values.len()).filter(is_one).collect::<Vec<_>>()
+        };
+        (self.of_levels, self.of_controls) = (read(Part::Levels), read(Part::Controls));
         Ok(())
     }
 
@@ -442,26 +464,31 @@ impl<'a> Splitting<'a> {
         Ok(SliceModel { onnx, inputs, outputs, footprint })
     }
 
-    /// Writes the model of the conditioning, if there is any that passes read.
-    fn write_conditioning(&self) -> CheckResult<Option<ConditioningModel>> {
-        if self.conditioning.is_empty() {
+    /// Writes the model of a part of the conditioning, if there is any that passes read.
+    fn write_conditioning(&self, part: Part) -> CheckResult<Option<ConditioningModel>> {
+        let (made, tensor): (_, fn(usize) -> SliceTensor) = match part {
+            Part::Levels => (&self.of_levels, SliceTensor::OfLevels),
+            Part::Controls => (&self.of_controls, SliceTensor::OfControls),
+            Part::Pass => return Ok(None),
+        };
+        if made.is_empty() {
             return Ok(None);
         }
-        let own = (0..self.is_conditioning.len()).filter(|&i| self.is_conditioning[i]).collect();
-        let output = |(at, &value)| (SliceTensor::Conditioning(at), value);
-        let outputs: Vec<_> = self.conditioning.iter().enumerate().map(output).collect();
-        let of_earlier = |value: usize| {
-            Err(Fault::new(format!("the conditioning reads {}", quoted(self.values[value].name))))
+        let own = (0..self.parts.len()).filter(|&i| self.parts[i] == part).collect();
+        let outputs: Vec<_> = made.iter().enumerate().map(|(at, &value)| (tensor(at), value)).collect();
+        let fault = |value: usize| Fault::new(format!("the conditioning reads {}", quoted(self.values[value].name)));
+        let (onnx, inputs, footprint) = self.write_model(own, &outputs, |value| Err(fault(value)))?;
+        let [SliceTensor::Input(input)] = inputs[..] else {
+            return Err(Fault::new("the conditioning has not one input"));
         };
-        let (onnx, ..) = self.write_model(own, &outputs, of_earlier)?;
         let tensors = proto::model(&onnx)?.graph.tensors;
         let stored_weights = tensors.iter().map(|tensor| match tensor.data {
             Data::Inline(bytes) => bytes.len() as u64,
             Data::External { length, .. } => length,
         });
         let stored_weights = stored_weights.fold(0, u64::saturating_add);
-        let values = self.conditioning.iter().map(|&value| self.described(value)).collect::<CheckResult<_>>()?;
-        Ok(Some(ConditioningModel { onnx, values, stored_weights }))
+        let values = made.iter().map(|&value| self.described(value)).collect::<CheckResult<_>>()?;
+        Ok(Some(ConditioningModel { onnx, input, values, footprint, stored_weights }))
     }
 
     /// Writes a model of the nodes `own` that makes `outputs`. What a node reads of others that read more than constants is an input, which
@@ -493,9 +520,7 @@ impl<'a> Splitting<'a> {
                     }
                     Value { origin: Origin::Node(at) | Origin::Conditioning(at), .. } if kept_nodes[at] => None,
                     Value { origin: Origin::Input(at), .. } => Some(SliceTensor::Input(at)),
-                    Value { origin: Origin::Conditioning(_), .. } => {
-                        self.conditioning.binary_search(&value).ok().map(SliceTensor::Conditioning)
-                    }
+                    Value { origin: Origin::Conditioning(_), .. } => Some(self.conditioning_value(value)?),
                     Value { output: Some(at), .. } => Some(SliceTensor::Output(at)),
                     _ => of_earlier(value)?,
                 };
@@ -522,7 +547,7 @@ impl<'a> Splitting<'a> {
                 match tensor {
                     SliceTensor::Input(at) => write_bytes(&mut graph, number, self.fields.inputs[at]),
                     SliceTensor::Output(at) => write_bytes(&mut graph, number, self.fields.outputs[at]),
-                    SliceTensor::Intermediate(_) | SliceTensor::Conditioning(_) => {
+                    SliceTensor::Intermediate(_) | SliceTensor::OfLevels(_) | SliceTensor::OfControls(_) => {
                         write_bytes(&mut graph, number, &value_info(&self.values[value]));
                     }
                 }
@@ -539,6 +564,13 @@ impl<'a> Splitting<'a> {
 
         let footprint = self.check_written(&onnx, &inputs, outputs)?;
         Ok((onnx, inputs.into_iter().map(|(tensor, _)| tensor).collect(), footprint))
+    }
+
+    /// A value of the conditioning, as slices read it.
+    fn conditioning_value(&self, value: usize) -> CheckResult<SliceTensor> {
+        let of_levels = self.of_levels.binary_search(&value).ok().map(SliceTensor::OfLevels);
+        let found = of_levels.or_else(|| self.of_controls.binary_search(&value).ok().map(SliceTensor::OfControls));
+        found.ok_or_else(|| Fault::new(format!("no pass reads {}", quoted(self.values[value].name))))
     }
 
     /// Reads a written model as any model, and infers its sizes.
@@ -759,7 +791,8 @@ mod tests {
             value(&[2, 2], (2, 3)),
             value(&[4], (3, 4)),
         ];
-        let mut slices = Slices { conditioning: None, models: Vec::new(), intermediates, buffer_sizes: Vec::new() };
+        let mut slices =
+            Slices { of_levels: None, of_controls: None, models: Vec::new(), intermediates, buffer_sizes: Vec::new() };
         slices.assign_buffers();
         let buffers: Vec<usize> = slices.intermediates.iter().map(|value| value.buffer).collect();
         assert_eq!(buffers, [0, 1, 2, 3, 0, 3]);

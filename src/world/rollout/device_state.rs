@@ -158,6 +158,7 @@ impl DeviceState {
     fn try_execute(&mut self, plan: &StepPlan, measured: &mut StepMeasurement) -> Result<()> {
         self.passes.prepare(&mut *self.context, plan, [0.0, 0.0])?;
         let start = Instant::now();
+        self.passes.embed_controls(&mut *self.context)?;
         self.passes.start(&mut *self.context, plan)?;
         let Some(pending) = &plan.pending else { return self.execute_from(plan, 0, start, measured) };
         self.passes.joined_pass(&mut *self.context, plan, pending)?;
@@ -267,6 +268,7 @@ impl DeviceState {
 
     fn try_probe(&mut self, plan: &StepPlan, sigma: f32, x: &[f32]) -> Result<Probe> {
         self.passes.prepare(&mut *self.context, plan, [sigma, -1.0])?;
+        self.passes.embed_controls(&mut *self.context)?;
         self.passes.set_latent(&mut *self.context, x)?;
         self.passes.extra_pass(&mut *self.context, plan)?;
         let mut velocity = convert::zeroed(x.len())?;

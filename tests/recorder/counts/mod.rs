@@ -23,7 +23,8 @@ const FILE: &str = "CAIRN_COUNTS";
 const PASSES: u64 = 5;
 
 /// The graphs, each with the start of a name that only its operators have.
-const GRAPHS: [(&str, &str); 3] = [("transformer", "blocks."), ("encoder", "encoder."), ("decoder", "decoder.")];
+const GRAPHS: [(&str, &str); 4] =
+    [("transformer", "blocks.0.attn"), ("controls", "ctrl."), ("encoder", "encoder."), ("decoder", "decoder.")];
 
 #[test]
 fn a_step_runs_its_passes_and_its_decode_and_nothing_else_dispatches() {
@@ -44,6 +45,7 @@ fn a_step_runs_its_passes_and_its_decode_and_nothing_else_dispatches() {
     let expected = [
         ("", 0),
         ("Cairn: commit", 1),
+        ("Cairn: controls", 1),
         ("Cairn: decoder", 1),
         ("Cairn: check for NaN and infinity", 1),
         ("Cairn: transformer", PASSES),
@@ -64,7 +66,11 @@ fn a_step_runs_its_passes_and_its_decode_and_nothing_else_dispatches() {
         "passes": PASSES,
         "step": step,
         "operators": operators_by_graph(),
-        "costs": { "transformer": of(cost.pass), "encoder": of(cost.encode), "decoder": of(cost.decode) },
+        "costs": {
+            "transformer": of(cost.pass),
+            "controls": of(cost.controls),
+            "encoder": of(cost.encode), "decoder": of(cost.decode),
+        },
     });
     if let Some(file) = std::env::var_os(FILE) {
         std::fs::write(&file, counts.to_string()).unwrap_or_else(|e| panic!("{}: {e}", file.display()));

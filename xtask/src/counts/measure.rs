@@ -20,7 +20,8 @@ const TEST: &str = "counts::a_step_runs_its_passes_and_its_decode_and_nothing_el
 const BUNDLE: &str = "samples/worlds/miniature.cairn";
 
 /// Parts of a latent step, by the names of their events, and the graph that runs in each.
-const PARTS: [(&str, &str, Option<&str>); 5] = [
+const PARTS: [(&str, &str, Option<&str>); 6] = [
+    ("controls", "Cairn: controls", Some("controls")),
     ("pass", "Cairn: transformer", Some("transformer")),
     ("decode", "Cairn: decoder", Some("decoder")),
     ("finite check", "Cairn: check for NaN and infinity", None),
@@ -171,6 +172,9 @@ fn counts(run: &str, costs: &str) -> Result<Counts, String> {
         let operators = run.operators.get(graph).ok_or_else(|| format!("there are no operators of the {graph}"))?;
         all.extend(rows(MINIATURE, nodes(MINIATURE, graph)?, operators, tables));
     }
+    let mut of_controls = BTreeMap::new();
+    nodes(PRESET, "controls")?.iter().for_each(|node| node.add_to(&mut of_controls));
+    all.push(Row { world: PRESET.into(), table: Table::Parts, name: "controls".into(), values: of_controls });
     for (name, graph, tables) in tables {
         let mut values = BTreeMap::new();
         nodes(PRESET, graph)?.iter().for_each(|node| node.add_to(&mut values));
@@ -243,9 +247,10 @@ mod tests {
         let event = |events: u64, dispatches: u64| format!("{{\"events\": {events}, \"dispatches\": {dispatches}}}");
         format!(
             "{{\"device\": \"DirectML on a GPU\", \"window\": 16, \"passes\": 2,
-            \"step\": {{\"Cairn: transformer\": {}, \"Cairn: decoder\": {}, \"Cairn: check for NaN and infinity\": {}, \"Cairn: commit\": {}, \"\": {}}},
+            \"step\": {{\"Cairn: controls\": {}, \"Cairn: transformer\": {}, \"Cairn: decoder\": {}, \"Cairn: check for NaN and infinity\": {}, \"Cairn: commit\": {}, \"\": {}}},
             \"operators\": {{\"transformer\": [[\"y_dmlEp_0\", \"GEMM\"], [\"y_dmlEp_1\", \"CAST\"]], \"decoder\": []}},
             \"costs\": {{\"transformer\": {{\"multiply_adds\": {multiply_adds}, \"bytes\": 12}}}}}}",
+            event(1, 2),
             event(2, 10),
             event(1, 3),
             event(1, 1),
@@ -256,7 +261,7 @@ mod tests {
 
     /// What the builder prints: a product in a layer, and a node outside.
     fn costs() -> String {
-        let world = r#"{"window": 16, "graphs": {"transformer": [["blocks.1.q/MatMul", "MatMul", "y", 8, 6, 2], ["sigma/Mul", "Mul", "s", 0, 3, 1]], "decoder": []}}"#;
+        let world = r#"{"window": 16, "graphs": {"transformer": [["blocks.1.q/MatMul", "MatMul", "y", 8, 6, 2], ["sigma/Mul", "Mul", "s", 0, 3, 1]], "controls": [["ctrl.emb/MatMul", "MatMul", "c", 4, 4, 1]], "decoder": []}}"#;
         format!("{{\"{MINIATURE}\": {world}, \"{PRESET}\": {world}}}")
     }
 
@@ -272,6 +277,10 @@ mod tests {
         let sums = [("nodes", 2), ("multiply_adds", 8), ("bytes_read", 9), ("bytes_written", 3)];
         assert_eq!(row(Table::Parts, "pass"), values(&[&[("dispatches", 5), ("operators", 2)], &sums[..]].concat()));
         assert_eq!(row(Table::Parts, "decode")["dispatches"], 3);
+        assert_eq!(
+            (row(Table::Parts, "controls")["dispatches"], row(Table::Parts, "controls")["multiply_adds"]),
+            (2, 4)
+        );
         let in_layer = [("nodes", 1), ("multiply_adds", 8), ("bytes_read", 6), ("bytes_written", 2), ("operators", 2)];
         assert_eq!(row(Table::PassByLayer, "blocks.1"), values(&in_layer));
         assert_eq!(row(Table::PassByLayer, "outside")["nodes"], 1);

@@ -160,7 +160,7 @@ impl Counts {
         let of = |world, table, head, columns: &[Column]| self.rows_of(world, table, head, columns);
         format!(
             "# What a latent step really runs\n\n\
-             One denoise or cache pass, one decode, and the rest of a latent step of [the world inside the library](world.md), at float16 and its \
+             What embeds a step's controls, one denoise or cache pass, one decode, and the rest of a latent step of [the world inside the library](world.md), at float16 and its \
              stock window, by {runtime} in [the lab](lab.md). The counts come from `{RECORD}`; both files are written by\n\n\
              ```sh\n{COMMAND}\n```\n\n\
              Without `--publish` the command prints this page. `cargo xtask test recorder` counts again, and fails where a count of the record has \
@@ -171,13 +171,14 @@ impl Counts {
              Direct3D 12, when a list is executed ([the recorder](lab.md#a-recorder-of-direct3d-12-calls)). A GPU's driver may have metacommands, \
              which DirectML runs in place of some of its dispatches; the lab's has none.\n\
              - **DirectML operators** are the operator nodes of the graphs that ONNX Runtime gives to `IDMLDevice1::CompileGraph`. DirectML compiles \
-             each of the three graphs as one operator. Its dispatches have no names, so they are counted for a whole pass and not for its layers. \
+             each of these graphs as one operator. Its dispatches have no names, so they are counted for a whole pass and not for its layers. \
              In the tables an operator belongs to the node whose value it computes; one that ONNX Runtime fuses from a `Conv` and its `Relu` belongs to \
              the `Relu`.\n\
              - **Bound by dispatches** is the sum of the ranges of buffers that dispatches have descriptors of: a range that several dispatches read or \
              write counts for each, and DirectML does not say which it reads and which it writes.\n\
              - **Nodes, bytes and operations** are those of the ONNX graphs: each node reads its inputs, weights included, and writes its outputs; a \
-             `Reshape` moves nothing. Nodes that depend on weights only are computed when the world is loaded. A multiply-add of `MatMul` or `Conv` \
+             `Reshape` moves nothing. Nodes that depend on weights only are computed when the world is loaded, and \
+             nodes that depend on noise levels only once for each level: neither are counted. A multiply-add of `MatMul` or `Conv` \
              is two operations; others are not counted. `Bundle::cost` and `cairn.build costs` count them independently, and must agree.\n\n\
              ### A pass by layer\n\n{pass_by_layer}\n\
              ### A decode by layer\n\n{decode_by_layer}\n\

@@ -278,7 +278,8 @@ pub(super) fn run_tests(
 /// process whose output they keep.
 fn run_comparison(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let mut command = study_windows::comparison_by_shaders(context, "study-recorder")?;
-    let (ended, failures, count) = run_program(context, log, &mut command, &context.windows_programs(), COMPARISON, &Amd::None)?;
+    let (ended, failures, count) =
+        run_program(context, log, &mut command, &context.windows_programs(), COMPARISON, &Amd::None)?;
     tally.test((!ended.success).then(|| "the study's comparison fails with the recorder".to_owned()));
     // DirectML's own calls are in the list, so that their absence shows that nothing was recorded.
     tally.test((count == 0).then(|| "the recorder was not loaded by the study's program".to_owned()));

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import astuple, dataclass
 
-from .conditioning import conditioning
+from .conditioning import CONTROLS, PASS, parts
 from .geometry import Geometry
 from .graph import Graph
 from .quantise import Quantisation
@@ -25,9 +25,9 @@ class NodeCost:
     written: int  # bytes of all outputs
 
 
-def node_costs(graph: Graph, dimensions: dict[str, int]) -> list[NodeCost]:
+def node_costs(graph: Graph, dimensions: dict[str, int], part: str = PASS) -> list[NodeCost]:
     """The nodes that run, in the graph's order. A node that reads constants only is computed once, when the graph is loaded, and is left out. So are
-    the nodes of a transformer's conditioning, which are computed once for each noise level."""
+    the nodes of other parts of a transformer, such as its conditioning."""
     model, sizes = value_sizes(graph, dimensions)
     shapes = {name: shape for name, (shape, _) in sizes.items()}
     bytes_of = {name: count for name, (_, count) in sizes.items()}
@@ -41,12 +41,12 @@ def node_costs(graph: Graph, dimensions: dict[str, int]) -> list[NodeCost]:
         shapes[value.name] = [d.dim_value for d in tensor.shape.dim]
         bytes_of[value.name] = math.prod(shapes[value.name]) * ITEM_BYTES[tensor.elem_type]
     costs = []
-    for node, is_conditioning in zip(model.graph.node, conditioning(model.graph)):
+    for node, own in zip(model.graph.node, parts(model.graph)):
         inputs = [name for name in node.input if name]
         if all(name in constants for name in inputs):
             constants.update(node.output)
             continue
-        if is_conditioning:
+        if own != part:
             continue
         terms = 0
         if node.op_type in ("MatMul", "FusedMatMul", "MatMulNBits"):
@@ -68,11 +68,10 @@ def node_costs(graph: Graph, dimensions: dict[str, int]) -> list[NodeCost]:
 
 
 def world_costs(g: Geometry, quantisation: Quantisation | None = None) -> dict:
-    """Costs of the graphs in float16 at the stock window, for `json`: for each graph a list of its nodes' values."""
+    """Costs of the graphs in float16 at the stock window, for `json`: for each graph a list of its nodes' values. "controls" is the part of the
+    transformer that embeds controls."""
     graphs = build_graphs(g, "f16", quantisation=quantisation)
     dimensions = {"transformer": g.dimensions(g.global_window)}
-    rows = {
-        kind: [list(astuple(node)) for node in node_costs(graph, dimensions.get(kind, {}))]
-        for kind, graph in graphs.items()
-    }
-    return {"window": g.global_window, "graphs": rows}
+    costs = {kind: node_costs(graph, dimensions.get(kind, {})) for kind, graph in graphs.items()}
+    costs["controls"] = node_costs(graphs["transformer"], dimensions["transformer"], CONTROLS)
+    return {"window": g.global_window, "graphs": {kind: [list(astuple(node)) for node in nodes] for kind, nodes in costs.items()}}

@@ -22,6 +22,8 @@ KEPT = ("blocks.0.ctrl_mlpfusion",)
 NUMBERS, SCALES = ".quantised", ".scales"
 # Shares of a block's range that are tried as its range in 4 bits: clipping its few largest numbers can round all others better.
 _SHARES = np.linspace(0.7, 1.0, 13)
+# In the names of the matrices that embed controls, which run once in a step.
+_EMBEDS_CONTROLS = ".ctrl_mlpfusion.fc1_c."
 # Numbers that are rounded at a time, so that a large matrix needs little more memory than its own.
 _CHUNK = 1 << 22
 
@@ -112,24 +114,30 @@ def counts(g: Geometry, quantisation: Quantisation) -> tuple[int, int]:
 
 
 def unpacked_bytes(g: Geometry, quantisation: Quantisation | None, precision: str) -> int:
-    """Bytes of the largest matrix in 8 or 4 bits, as a pass unpacks it: `Bundle::memory_need` counts the same in Rust. Providers unpack one at a time.
+    """Bytes of the largest matrix in 8 or 4 bits, as a pass unpacks it, and of the largest that embeds controls: `Bundle::memory_need` counts the same
+    in Rust. Providers unpack one at a time in each graph.
 
     DirectML, which runs the graphs in f16, unpacks each to float16. The CPU provider, which runs those in f32, unpacks one of 8 bits to float32
     unless activations have 8 bits, too, and never one of 4 bits.
     """
     if quantisation is None or (precision == "f32" and (quantisation.bits == 4 or quantisation.activation_bits == 8)):
         return 0
-    return max(_quantised_counts(g, quantisation), default=0) * (2 if precision == "f16" else 4)
+    sizes: tuple[list[int], list[int]] = ([], [])
+    for packed in _quantised(g, quantisation):
+        sizes[_EMBEDS_CONTROLS in packed.whole.name].append(packed.whole.count)
+    return sum(max(of_graph, default=0) for of_graph in sizes) * (2 if precision == "f16" else 4)
 
 
 def unpacked_numbers(g: Geometry, quantisation: Quantisation | None) -> int:
-    """Numbers of all matrices in 8 or 4 bits, which a pass unpacks one after the other."""
-    return 0 if quantisation is None else sum(_quantised_counts(g, quantisation))
+    """Numbers of all matrices in 8 or 4 bits that a pass unpacks one after the other."""
+    if quantisation is None:
+        return 0
+    return sum(packed.whole.count for packed in _quantised(g, quantisation) if _EMBEDS_CONTROLS not in packed.whole.name)
 
 
-def _quantised_counts(g: Geometry, quantisation: Quantisation) -> list[int]:
-    """Numbers of each matrix that becomes smaller."""
-    return [packed.whole.count for packed in stored_transformer(g) if quantisation.takes(packed.whole)]
+def _quantised(g: Geometry, quantisation: Quantisation) -> list[Packed]:
+    """The matrices that become smaller."""
+    return [packed for packed in stored_transformer(g) if quantisation.takes(packed.whole)]
 
 
 def rounded(matrix: np.ndarray, bits: int, block: int) -> tuple[np.ndarray, np.ndarray]:

@@ -21,7 +21,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import cache
 
-from .conditioning import conditioning
+from .conditioning import CONTROLS, PASS, parts
 from .costs import node_costs
 from .geometry import PRESETS, Geometry
 from .graph import Graph
@@ -103,9 +103,9 @@ PRESETS_OF_THE_LIBRARY = (
 )
 
 
-def multiply_adds(graph: Graph, dimensions: dict[str, int]) -> int:
+def multiply_adds(graph: Graph, dimensions: dict[str, int], part: str = PASS) -> int:
     """Multiply-adds of `MatMul`, `FusedMatMul` and `Conv` in one run, which `Bundle::cost` counts in Rust."""
-    return sum(node.multiply_adds for node in node_costs(graph, dimensions))
+    return sum(node.multiply_adds for node in node_costs(graph, dimensions, part))
 
 
 @dataclass(frozen=True)
@@ -135,6 +135,11 @@ class World:
         self._weights = {kind: weight_bytes({kind: graph}) for kind, graph in self._graphs.items()}
         pictures = 3 * math.prod(g.decoded) * 4
         self.decode = Run(2.0 * multiply_adds(self._graphs["decoder"], {}), self._weights["decoder"] + pictures)
+        of_controls = weight_bytes({"transformer": self._graphs["transformer"]}, (CONTROLS,))
+        self._weights_of_a_pass = weight_bytes({"transformer": self._graphs["transformer"]}, (PASS,))
+        adds = multiply_adds(self._graphs["transformer"], g.dimensions(g.global_window), CONTROLS)
+        # Once in a step, and with joined passes once more for both of their latents.
+        self._embedding = (1, Run(2.0 * adds, of_controls)) if self._joined is None else (2, Run(3.0 * adds, of_controls))
         # Bytes of all matrices that a pass unpacks, in float16, written once and read once.
         self._unpacking = 2 * 2 * unpacked_numbers(g, quantisation)
         self._passes: dict[int, Run] = {}
@@ -144,7 +149,7 @@ class World:
         """A denoise or cache pass of the transformer at global window `window`."""
         g = self.geometry
         if window not in self._passes:
-            moved = self._weights["transformer"] + ring_bytes(g, window, "f16") + slab_bytes(g, "f16")
+            moved = self._weights_of_a_pass + ring_bytes(g, window, "f16") + slab_bytes(g, "f16")
             self._passes[window] = Run(2.0 * multiply_adds(self._graphs["transformer"], g.dimensions(window)), moved)
         return self._passes[window]
 
@@ -163,13 +168,14 @@ class World:
         """Kernels of one latent, estimated from the nodes of the graphs: `fused` has the number of elementary operators that a node stands for."""
         weight = {"Reshape": 0, "Cast": 0} | (fused or {})
 
-        def count(graph: Graph) -> int:
+        def count(graph: Graph, part: str = PASS) -> int:
             nodes = graph.model().graph
-            return sum(weight.get(n.op_type, 1) for n, is_one in zip(nodes.node, conditioning(nodes)) if not is_one)
+            return sum(weight.get(n.op_type, 1) for n, own in zip(nodes.node, parts(nodes)) if own == part)
 
         graphs = [self._graphs["transformer"], self._joined]
         of_passes = sum(number * count(graph) for (number, _), graph in zip(self.passes(preset), graphs))
-        return of_passes + count(self._graphs["decoder"])
+        embedding = sum(count(graph, CONTROLS) for graph in graphs if graph is not None)
+        return of_passes + embedding + count(self._graphs["decoder"])
 
     def memory(self, window: int) -> float:
         """GiB for weights, past keys and values, intermediate values, and one matrix that is unpacked to 16 bits."""
@@ -186,13 +192,14 @@ class World:
 
     def flops(self, preset: Preset) -> float:
         """Floating-point operations per latent."""
-        return sum(number * one.flops for number, one in self.passes(preset)) + self.decode.flops
+        return sum(number * one.flops for number, one in [*self.passes(preset), self._embedding]) + self.decode.flops
 
     def limit(self, gpu: Gpu, preset: Preset, unpacks: bool = False) -> float:
         """Latents per second that no program can exceed, or with `unpacks`, no program that unpacks quantised matrices into memory."""
         more = self._unpacking if unpacks else 0
         passes = sum(number * Run(one.flops, one.bytes + more).seconds(gpu) for number, one in self.passes(preset))
-        return 1.0 / (passes + self.decode.seconds(gpu))
+        times, embedding = self._embedding
+        return 1.0 / (passes + times * embedding.seconds(gpu) + self.decode.seconds(gpu))
 
     def estimate(self, gpu: Gpu, preset: Preset) -> tuple[float, float]:
         """Lowest and highest latents per second to expect of a GPU that does nothing else."""

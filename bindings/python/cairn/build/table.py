@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .conditioning import conditioning, weights_of_passes
+from .conditioning import CONTROLS, PASS, parts, weights_of
 from .geometry import Geometry
 from .graph import Graph
 from .quantise import Quantisation, counts as quantised_counts, unpacked_bytes
@@ -36,7 +36,8 @@ def activation_peak(graph: Graph, dimensions: dict[str, int]) -> tuple[int, int]
     """The largest sum in bytes of the intermediate values alive at the same time, and the size of the largest value.
 
     Nodes run in the graph's order; a value lives from the node that makes it to the last node that reads it. Casts of weights are counted with
-    the weights, and a reshape with its input. The conditioning is left out: it does not run in passes.
+    the weights, and a reshape with its input. The conditioning is left out: it does not run in
+    passes, and its values are small.
     """
     model, sizes = value_sizes(graph, dimensions)
     weights = {i.name for i in model.graph.initializer}
@@ -52,8 +53,8 @@ def activation_peak(graph: Graph, dimensions: dict[str, int]) -> tuple[int, int]
     given = weights | {i.name for i in model.graph.input}
     alive: dict[str, int] = {}
     peak = largest = 0
-    for at, (node, is_conditioning) in enumerate(zip(model.graph.node, conditioning(model.graph))):
-        if is_conditioning or node.op_type == "Cast" and node.input[0] in weights:
+    for at, (node, part) in enumerate(zip(model.graph.node, parts(model.graph))):
+        if part != PASS or node.op_type == "Cast" and node.input[0] in weights:
             continue
         for name in node.output:
             if owner.get(name, name) == name:
@@ -65,15 +66,15 @@ def activation_peak(graph: Graph, dimensions: dict[str, int]) -> tuple[int, int]
     return peak, largest
 
 
-def weight_bytes(graphs: dict[str, Graph]) -> int:
-    """Bytes of all weights in a device's memory: as stored, or float32 if a graph casts them, which happens once, when it is loaded. Those of the
-    conditioning are there only while it is computed."""
+def weight_bytes(graphs: dict[str, Graph], of_parts: tuple[str, ...] = (PASS, CONTROLS)) -> int:
+    """Bytes of all weights in a device's memory: as stored, or float32 if a graph casts them, which happens once, when it is loaded. Those of
+    what depends on noise levels alone are there only while that is computed."""
     total = 0
     for graph in graphs.values():
         model = graph.model()
         cast = {n.input[0] for n in model.graph.node if n.op_type == "Cast"}
-        of_passes = weights_of_passes(model.graph)
-        placed = [graph.weights[name] for name in graph.used_weights if name in of_passes]
+        held = set().union(*(weights_of(model.graph, part) for part in of_parts))
+        placed = [graph.weights[name] for name in graph.used_weights if name in held]
         total += sum(p.weight.count * 4 if p.weight.name in cast else p.length for p in placed)
     return total
 
