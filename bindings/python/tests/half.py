@@ -57,10 +57,12 @@ OPERATORS = {
     "Concat": lambda *parts, axis: np.concatenate(parts, axis=axis),
     "Conv": _patches,
     "Cos": np.cos,
+    "Div": np.divide,
     "FusedMatMul": lambda a, b, alpha, transB: np.float32(alpha) * (a @ b.swapaxes(-1, -2)),  # noqa: N803
     "MatMul": np.matmul,
     "MatMulNBits": _product_of_blocks,
     "Mul": np.multiply,
+    "ReduceMean": lambda x, axes, keepdims: x.mean(axis=tuple(int(axis) for axis in axes), keepdims=bool(keepdims)),
     "Reshape": lambda x, shape: x.reshape([int(n) for n in shape]),
     "RotaryEmbedding": lambda x, at, cos, sin, interleaved: _rotation(x, at, cos, sin),
     "Sigmoid": lambda x: 1 / (1 + np.exp(-x)),
@@ -69,6 +71,7 @@ OPERATORS = {
     "Slice": _slice,
     "Softmax": _softmax,
     "Split": _split,
+    "Sqrt": np.sqrt,
     "Sub": np.subtract,
     "Transpose": lambda x, perm: x.transpose(perm),
 }

@@ -44,7 +44,7 @@ def test_nodes_that_need_only_weights_levels_or_controls_do_not_run_in_a_pass(tr
     products = {name.removesuffix("/MatMul") for name in left_out if name.endswith("/MatMul")}
     of_layers = {f"blocks.{i}.ctrl.c" for i in range(TINY.layers) if TINY.sees_controls(i)}
     of_levels = {"sigma.hidden", "cond", "cond.modulations", "out.modulation"}
-    assert of_layers and products == of_levels | of_layers | {"ctrl.hidden", "ctrl.emb"}
+    assert of_layers and products == of_levels | of_layers | {"ctrl.hidden", "ctrl.emb.unit"}
 
 
 def test_a_pass_has_no_weights_of_its_conditioning():

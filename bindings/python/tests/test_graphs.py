@@ -169,8 +169,8 @@ def test_operators_are_those_of_the_format():
     listed = re.search(r"Operators must be on this list:(.*?)\.\n", page, re.S)[1]
     assert re.findall(r"`(\w+)`", listed) == OPERATORS
     used = {n.op_type for p in FLOAT for g in build_graphs(TINY, p).values() for n in g.model().graph.node}
-    # Graphs of earlier versions use the first two, too, and graphs with smaller weights the third.
-    assert used == set(OPERATORS) - {"ReduceMean", "Sqrt", "MatMulNBits"}
+    # Graphs with smaller weights use that one.
+    assert used == set(OPERATORS) - {"MatMulNBits"}
 
 
 @pytest.mark.parametrize("precision", ["f32", "f16"])

@@ -182,7 +182,8 @@ def test_the_library_reads_both_forms(tiny, wide):
                 rollout.step(cairn.Controls())
                 with rollout.anchor() as anchor:
                     latents.append(anchor.latent())
-    assert relative(latents[2], latents[0]) < 5e-3 and not np.array_equal(latents[1], latents[2])
+    # The CPU provider computes both float16 graphs mostly in float32.
+    assert max(relative(latent, latents[0]) for latent in latents[1:]) < 5e-3 and not np.array_equal(latents[0], latents[1])
 
 
 def test_the_check_at_load_names_the_sum_that_passes_float16(loud, capsys):

@@ -278,7 +278,7 @@ impl<'a> Splitting<'a> {
             return Err(Error::new(ErrorKind::InvalidArgument, cause).field("slices").remedy(remedy));
         }
         match slices {
-            1 => Ok(vec![0..self.starts.len()]),
+            1 => Ok(std::iter::once(0..self.starts.len()).collect()),
             _ => Ok(groups(self.work()?, slices as usize)),
         }
     }

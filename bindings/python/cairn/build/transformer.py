@@ -19,6 +19,8 @@ from .weights import MODULATIONS, Placed
 
 # The epsilon of an RMS norm without one: the step of float32 at 1.
 RMS_EPSILON = float(np.finfo(np.float32).eps)
+# Added to a mean of squares that is divided by: far below any but that of zeros, and a normal number of float32.
+SMALLEST_SQUARE = 1e-30
 # No intermediate value may exceed this at the largest declared window, in float32.
 INTERMEDIATE_LIMIT = 256 << 20
 SIGMA_SCALE = 1000.0
@@ -186,10 +188,19 @@ class _Transformer:
         return [[column[i] for column in columns] for i in range(L)]
 
     def control_embedding(self, controls: str) -> str:
-        """Mouse, buttons and scroll -> normalised vectors [B, D]. In float32, because mouse counts have no bound."""
+        """Mouse, buttons and scroll -> normalised vectors [B, D]. In float32, because mouse counts have no bound.
+
+        The large product is of the graph's precision, so that its matrix need not be stored in float32: its rows are divided by their root mean
+        square, which is multiplied again after it. A divided number is at most the root of its row's length.
+        """
         o = self.graph
         hidden = o.silu(o.linear(controls, "ctrl_emb.mlp.fc1", "ctrl.hidden"), "ctrl.act")
-        embedding = o.linear(hidden, "ctrl_emb.mlp.fc2", "ctrl.emb")
+        last_axis = o.constant("ctrl.axis", np.array([1], np.int64))
+        square = o.node("ReduceMean", [o.mul(hidden, hidden, "ctrl.squares"), last_axis], "ctrl.square", keepdims=1)
+        size = o.node("Sqrt", [o.add(square, o.number(SMALLEST_SQUARE, "f32"), "ctrl.square.raised")], "ctrl.size")
+        unit = o.cast(o.node("Div", [hidden, size], "ctrl.unit"), o.precision)
+        embedding = o.cast(o.linear(unit, "ctrl_emb.mlp.fc2", "ctrl.emb.unit"), "f32")
+        embedding = o.mul(embedding, size, "ctrl.emb")
         return o.cast(self.rms_norm(embedding, self.ones(self.g.width), "ctrl.norm"), o.precision)
 
     def rms_norm(self, x: str, gain: str, label: str) -> str:
