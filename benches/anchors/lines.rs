@@ -27,9 +27,9 @@ const FRAMES: usize = 100;
 const BLENDS: usize = 4;
 const SIZE: (u32, u32) = (1280, 720);
 
-type Outcome<T> = Result<T, Box<dyn Error>>;
+type Result<T, E = Box<dyn Error>> = std::result::Result<T, E>;
 
-pub(crate) fn run() -> Outcome<()> {
+pub(crate) fn run() -> Result<()> {
     let ort = Ort::find(&LibrarySearch::for_tools())?;
     let folder = std::env::var_os("CAIRN_TEST_BUNDLE").map(PathBuf::from);
     let folder = folder.ok_or("CAIRN_TEST_BUNDLE names no folder with the test worlds: cargo xtask bench sets it")?;
@@ -61,7 +61,7 @@ pub(crate) fn run() -> Outcome<()> {
     Ok(())
 }
 
-fn rollout(world: &Arc<World>) -> Outcome<Rollout> {
+fn rollout(world: &Arc<World>) -> Result<Rollout> {
     let point = OperatingPoint {
         global_window: world.global_window(),
         schedule: Schedule::Stock,
@@ -76,7 +76,7 @@ fn rollout(world: &Arc<World>) -> Outcome<Rollout> {
 }
 
 /// Measures a latent step's time outside ONNX Runtime, and the bytes that it moves.
-fn step_costs(world: &Arc<World>) -> Outcome<()> {
+fn step_costs(world: &Arc<World>) -> Result<()> {
     let mut rollout = rollout(world)?;
     for _ in 0..WARM_UP {
         rollout.step(&ControlInput::default())?;
@@ -127,7 +127,7 @@ fn step_costs(world: &Arc<World>) -> Outcome<()> {
     Ok(())
 }
 
-fn times(rollout: &mut Rollout) -> Outcome<DeviceTimes> {
+fn times(rollout: &mut Rollout) -> Result<DeviceTimes> {
     rollout.device_times().ok_or_else(|| "no Direct3D 12 device".into())
 }
 
@@ -167,7 +167,7 @@ impl<'a> Engine<'a> {
 }
 
 /// Measures an engine's frames while a rollout makes latents, relative to those just before: without a limit on queued work, and with one.
-fn frame_times_beside_rollout(engine: &Engine<'_>, world: &Arc<World>, options: &DirectMlOptions) -> Outcome<()> {
+fn frame_times_beside_rollout(engine: &Engine<'_>, world: &Arc<World>, options: &DirectMlOptions) -> Result<()> {
     for longest_submission in [None, Some(Duration::from_millis(1))] {
         world.device().set_directml_options(DirectMlOptions { longest_submission, ..options.clone() })?;
         let mut rollout = rollout(world)?;

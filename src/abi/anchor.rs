@@ -3,7 +3,7 @@
 use super::boundary::call;
 use super::handles::{Handle, Kind, Object, destroy, enter, insert};
 use super::images::{Target, cairn_picture, cairn_target, read_picture};
-use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
+use super::results::{AbiResult, CAIRN_OK, Failure, cairn_result};
 use super::structs::{Out, check_out, describe, slice_mut};
 use crate::world::KeptAnchor;
 use crate::{Error, ErrorKind};
@@ -177,7 +177,7 @@ pub unsafe extern "C" fn cairn_anchor_read_latent(
 }
 
 /// Fails for an index that is not below the anchor's number of pictures.
-pub(super) fn check_index(anchor: &KeptAnchor, index: u32) -> Outcome<()> {
+pub(super) fn check_index(anchor: &KeptAnchor, index: u32) -> AbiResult<()> {
     if (index as usize) < anchor.count() {
         return Ok(());
     }

@@ -1,11 +1,11 @@
 //! Wrapper of every entry point: runs the work, stores errors for the thread, catches panics, returns a result code.
 
-use super::results::{Outcome, cairn_result, set_last_error};
+use super::results::{AbiResult, cairn_result, set_last_error};
 use crate::error::catch_panic;
 
 /// Runs the body of the entry point `function` and returns its result code. A failure's message becomes the thread's last error. A
 /// panic is caught here and becomes CAIRN_ERROR_INTERNAL; objects that the body had entered are poisoned.
-pub(super) fn call(function: &str, work: impl FnOnce() -> Outcome) -> cairn_result {
+pub(super) fn call(function: &str, work: impl FnOnce() -> AbiResult) -> cairn_result {
     // Unwind safety: state that a panic leaves inconsistent belongs to an object, whose gate is then poisoned, or to this call alone.
     match catch_panic(work) {
         Ok(result) => result,

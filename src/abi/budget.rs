@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::boundary::call;
 use super::handles::{enter, enter_serialized};
 use super::presenter::cairn_presenter;
-use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
+use super::results::{AbiResult, CAIRN_OK, Failure, cairn_result};
 use super::rollout::{cairn_rollout, read_schedules};
 use super::structs::{describe, read};
 use super::text::optional_text;
@@ -109,7 +109,7 @@ pub unsafe extern "C" fn cairn_rollout_govern(
 ///
 /// # Safety
 /// If `world_count` is not 0 and `worlds` is not null, it points to that many handles.
-unsafe fn worlds(budget: &cairn_budget) -> Outcome<Vec<Arc<World>>> {
+unsafe fn worlds(budget: &cairn_budget) -> AbiResult<Vec<Arc<World>>> {
     let refuse = |cause: String| Err(Failure::argument("budget.worlds", cause));
     match budget.world_count {
         0 => return Ok(Vec::new()),

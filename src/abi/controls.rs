@@ -1,6 +1,6 @@
 //! The player's controls in one latent step.
 
-use super::results::Outcome;
+use super::results::AbiResult;
 use super::structs::{describe, read};
 use crate::world::{ControlInput, KeySet};
 
@@ -26,7 +26,7 @@ describe!(cairn_controls, [], { struct_size, mouse_dx, mouse_dy, scroll, keys })
 ///
 /// # Safety
 /// `from` is null or points to a readable struct.
-pub(super) unsafe fn read_controls(from: *const cairn_controls, name: &str) -> Outcome<ControlInput> {
+pub(super) unsafe fn read_controls(from: *const cairn_controls, name: &str) -> AbiResult<ControlInput> {
     // SAFETY: the caller's promise is the same.
     let from = unsafe { read(from, name) }?;
     Ok(ControlInput::new([from.mouse_dx, from.mouse_dy], KeySet(from.keys), from.scroll)?)

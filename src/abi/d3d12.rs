@@ -8,7 +8,7 @@ use super::boundary::call;
 use super::device::{DeviceOptions, cairn_device, cairn_device_options};
 use super::handles::{busy_in_callback, enter, enter_serialized, insert};
 use super::presenter::{cairn_frame, cairn_presenter, to_c_frame};
-use super::results::{CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result};
+use super::results::{AbiResult, CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, cairn_result};
 use super::rollout::{cairn_rollout, cairn_step_info, step_info};
 use super::structs::{Out, check_out, describe, read};
 use crate::runtime::{Device, DeviceKind};
@@ -543,11 +543,11 @@ pub unsafe extern "C" fn cairn_presenter_release_d3d12(presenter: *mut cairn_pre
 }
 
 /// Refuses a device that is not a Direct3D 12 device.
-fn check_gpu(device: &Device) -> Outcome<()> {
+fn check_gpu(device: &Device) -> AbiResult<()> {
     if device.kind() == DeviceKind::Direct3d12 { Ok(()) } else { Err(Failure::no_d3d12()) }
 }
 
 /// Refuses a null pointer to a Direct3D object.
-pub(super) fn check_not_null<T>(pointer: *mut T, name: &str) -> Outcome<()> {
+pub(super) fn check_not_null<T>(pointer: *mut T, name: &str) -> AbiResult<()> {
     if pointer.is_null() { Err(Failure::argument(name, "a null pointer")) } else { Ok(()) }
 }

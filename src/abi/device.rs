@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use super::boundary::call;
 use super::handles::{Handle, Kind, Object, destroy, enter, insert};
-use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
+use super::results::{AbiResult, CAIRN_OK, Failure, cairn_result};
 use super::structs::{Out, check_out, describe, read_or_default};
 use super::text::{check_text_buffer, copy_text, fixed_text, optional_text};
 use crate::LibrarySearch;
@@ -266,7 +266,7 @@ impl DeviceOptions {
     ///
     /// # Safety
     /// `options` is null or points to as many readable bytes as its first four say, and its texts are null or readable up to their NULs.
-    pub(super) unsafe fn read(options: *const cairn_device_options) -> Outcome<Self> {
+    pub(super) unsafe fn read(options: *const cairn_device_options) -> AbiResult<Self> {
         // SAFETY: the caller's promise.
         let options = unsafe { read_or_default(options, "options") }?;
         let known = CAIRN_DEVICE_DETERMINISTIC | CAIRN_DEVICE_ENVIRONMENT;
@@ -322,7 +322,7 @@ pub(super) fn precision_number(precision: Precision) -> u32 {
 }
 
 /// The precision of the header's number; `None` for 0, which leaves the choice to the device.
-pub(super) fn precision(number: u32, name: &str) -> Outcome<Option<Precision>> {
+pub(super) fn precision(number: u32, name: &str) -> AbiResult<Option<Precision>> {
     match number {
         0 => Ok(None),
         CAIRN_PRECISION_F32 => Ok(Some(Precision::F32)),

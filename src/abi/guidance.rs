@@ -5,7 +5,7 @@ use half::f16;
 use super::anchor::cairn_anchor;
 use super::boundary::call;
 use super::handles::{Handle, Kind, Object, destroy, enter, insert};
-use super::results::{CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_OK, Failure, Outcome, cairn_result};
+use super::results::{AbiResult, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_OK, Failure, cairn_result};
 use super::structs::{Out, check_out, describe, read, slice, slice_mut};
 use crate::guidance::{DepthEncoding, DepthMap, Guidance, MotionField, MotionOrigin, Projection, paper, picture_flow};
 use crate::present::presenter::{MotionSource, extract};
@@ -242,7 +242,7 @@ pub unsafe extern "C" fn cairn_guidance_destroy(guidance: *mut cairn_guidance) -
 }
 
 /// The source of motion of the header's number.
-pub(super) fn motion_source(number: u32, name: &str) -> Outcome<MotionSource> {
+pub(super) fn motion_source(number: u32, name: &str) -> AbiResult<MotionSource> {
     match number {
         CAIRN_MOTION_AUTO => Ok(MotionSource::BEST),
         CAIRN_MOTION_PICTURES => Ok(MotionSource::PictureFlow),
@@ -252,7 +252,7 @@ pub(super) fn motion_source(number: u32, name: &str) -> Outcome<MotionSource> {
     }
 }
 
-fn check_count(count: usize, needed: usize, name: &str) -> Outcome<()> {
+fn check_count(count: usize, needed: usize, name: &str) -> AbiResult<()> {
     if count == needed {
         return Ok(());
     }
@@ -263,7 +263,7 @@ fn check_count(count: usize, needed: usize, name: &str) -> Outcome<()> {
 ///
 /// # Safety
 /// The arrays can be read as `data` says.
-unsafe fn from_host(data: &cairn_guidance_data) -> Outcome<Guidance> {
+unsafe fn from_host(data: &cairn_guidance_data) -> AbiResult<Guidance> {
     if data.flags & !(CAIRN_DEPTH_INVERTED | CAIRN_DEPTH_LINEAR) != 0 {
         return Err(Failure::argument("data.flags", format!("{:#x} has an unknown bit", data.flags)));
     }

@@ -16,8 +16,8 @@ use crate::locks::{Mutex, MutexGuard, RwLock};
 
 use super::gate::{CallKind, Gate};
 use super::results::{
-    CAIRN_ERROR_BUSY, CAIRN_ERROR_INVALID_HANDLE, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_ERROR_POISONED, CAIRN_OK, Failure,
-    Outcome,
+    AbiResult, CAIRN_ERROR_BUSY, CAIRN_ERROR_INVALID_HANDLE, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_ERROR_POISONED, CAIRN_OK,
+    Failure,
 };
 use crate::tasks::PoolLease;
 
@@ -104,7 +104,7 @@ impl<T> ObjectGuard<T> {
     }
 
     /// Locks a part of the object. A nested call does not wait, because the outer call may hold the lock, but fails.
-    pub(super) fn lock_part<'a, M>(&self, part: &'a Mutex<M>) -> Outcome<MutexGuard<'a, M>> {
+    pub(super) fn lock_part<'a, M>(&self, part: &'a Mutex<M>) -> AbiResult<MutexGuard<'a, M>> {
         if !self.is_nested {
             return Ok(part.lock());
         }
@@ -141,7 +141,7 @@ impl Drop for CallGuard {
 }
 
 /// Inserts an object, which may be shared, and returns its handle. The caller destroys the handle.
-pub(super) fn insert<H: Handle>(object: impl Into<Arc<H::Object>>) -> Outcome<*mut H> {
+pub(super) fn insert<H: Handle>(object: impl Into<Arc<H::Object>>) -> AbiResult<*mut H> {
     let full = || {
         Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, "there is no room for another handle").remedy("Destroy some objects")
     };
@@ -166,16 +166,16 @@ pub(super) fn insert<H: Handle>(object: impl Into<Arc<H::Object>>) -> Outcome<*m
 }
 
 /// Gets the object of `handle` for a call that may run at the same time as others.
-pub(super) fn enter<H: Handle>(handle: *const H) -> Outcome<ObjectGuard<H::Object>> {
+pub(super) fn enter<H: Handle>(handle: *const H) -> AbiResult<ObjectGuard<H::Object>> {
     start_call(handle, CallKind::Concurrent)
 }
 
 /// Gets the object of `handle` for a call that excludes other serialized calls.
-pub(super) fn enter_serialized<H: Handle>(handle: *mut H) -> Outcome<ObjectGuard<H::Object>> {
+pub(super) fn enter_serialized<H: Handle>(handle: *mut H) -> AbiResult<ObjectGuard<H::Object>> {
     start_call(handle.cast_const(), CallKind::Serialized)
 }
 
-fn start_call<H: Handle>(handle: *const H, kind: CallKind) -> Outcome<ObjectGuard<H::Object>> {
+fn start_call<H: Handle>(handle: *const H, kind: CallKind) -> AbiResult<ObjectGuard<H::Object>> {
     let table = TABLE.read();
     let entry = table.find(handle)?;
     let (gate, object) = (entry.gate.clone(), entry.object.clone());
@@ -199,7 +199,7 @@ fn start_call<H: Handle>(handle: *const H, kind: CallKind) -> Outcome<ObjectGuar
 
 /// Destroys a handle: later calls do not find it, and this waits for calls in flight. The object is dropped when no other object
 /// refers to it.
-pub(super) fn destroy<H: Handle>(handle: *mut H) -> Outcome {
+pub(super) fn destroy<H: Handle>(handle: *mut H) -> AbiResult {
     if handle.is_null() {
         return Ok(CAIRN_OK);
     }
@@ -219,7 +219,7 @@ pub(super) fn destroy<H: Handle>(handle: *mut H) -> Outcome {
 }
 
 impl Table {
-    fn find<H: Handle>(&self, handle: *const H) -> Outcome<&Entry> {
+    fn find<H: Handle>(&self, handle: *const H) -> AbiResult<&Entry> {
         if handle.is_null() {
             return Err(invalid_handle::<H>("is null"));
         }

@@ -2,7 +2,7 @@
 
 use std::ffi::c_void;
 
-use super::results::{Failure, Outcome};
+use super::results::{AbiResult, Failure};
 use super::structs::{describe, read};
 use crate::pixel_format::{PixelConverter, PixelFormat, swap_red_and_blue};
 use crate::{Colours, Picture};
@@ -71,7 +71,7 @@ struct RowLayout {
 
 impl RowLayout {
     /// Checks a layout; `field` names the struct, for messages.
-    fn new(from: &cairn_picture, format: PixelFormat, field: &str) -> Outcome<Self> {
+    fn new(from: &cairn_picture, format: PixelFormat, field: &str) -> AbiResult<Self> {
         let cairn_picture { width, height, pixels, size, row_pitch: pitch, .. } = *from;
         let failure = |part: &str, why: String| Failure::argument(&format!("{field}.{part}"), why);
         let refuse = |part: &str, why: String| Err(failure(part, why));
@@ -98,7 +98,7 @@ impl RowLayout {
 }
 
 /// The pixel format of the header's number; `field` names the struct, for messages.
-fn texel(number: u32, field: &str) -> Outcome<PixelFormat> {
+fn texel(number: u32, field: &str) -> AbiResult<PixelFormat> {
     match number {
         CAIRN_FORMAT_RGBA8 => Ok(PixelFormat::Rgba8),
         CAIRN_FORMAT_BGRA8 => Ok(PixelFormat::Bgra8),
@@ -112,7 +112,7 @@ fn texel(number: u32, field: &str) -> Outcome<PixelFormat> {
 ///
 /// # Safety
 /// `from` is null or points to a readable struct whose pixels can be read as it says.
-pub(super) unsafe fn read_picture(from: *const cairn_picture, name: &str) -> Outcome<Picture> {
+pub(super) unsafe fn read_picture(from: *const cairn_picture, name: &str) -> AbiResult<Picture> {
     // SAFETY: the caller's promise is the same.
     let from = unsafe { read(from, name) }?;
     let format = texel(from.format, name)?;
@@ -143,7 +143,7 @@ pub(super) struct Target {
 impl Target {
     /// # Safety
     /// `to` is null or points to a readable struct whose pixels can be written as it says, as long as this lives.
-    pub(super) unsafe fn new(to: *const cairn_target, size: (u32, u32), name: &str) -> Outcome<Self> {
+    pub(super) unsafe fn new(to: *const cairn_target, size: (u32, u32), name: &str) -> AbiResult<Self> {
         // SAFETY: the caller's promise is the same.
         let cairn_target { struct_size, format, width, height, pixels, size: bytes, row_pitch } =
             unsafe { read(to, name) }?;
@@ -158,7 +158,7 @@ impl Target {
     }
 
     /// The same memory, for a picture in colour space `colours`. Fails if the format cannot hold it.
-    pub(super) fn in_colours(self, colours: Colours) -> Outcome<Self> {
+    pub(super) fn in_colours(self, colours: Colours) -> AbiResult<Self> {
         if !colours.fits(self.format) {
             let remedy = match colours {
                 Colours::Hdr10 { .. } => "Use CAIRN_FORMAT_RGB10A2",

@@ -10,7 +10,7 @@ use super::guidance::{cairn_guidance, motion_source};
 use super::handles::{Handle, Kind, Object, destroy, enter, enter_serialized, insert};
 use super::images::{Target, cairn_target};
 use super::results::{
-    CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, Outcome, cairn_result,
+    AbiResult, CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, cairn_result,
 };
 use super::structs::{Out, check_out, describe, read_or_default, slice};
 use crate::Colours;
@@ -432,7 +432,7 @@ pub unsafe extern "C" fn cairn_presenter_destroy(presenter: *mut cairn_presenter
 }
 
 /// Creates a presenter and its renderer.
-fn create(options: &cairn_presenter_options) -> Outcome<PresenterObject> {
+fn create(options: &cairn_presenter_options) -> AbiResult<PresenterObject> {
     let failure = |field: &str, cause: String| Failure::argument(&format!("options.{field}"), cause);
     let refuse = |field: &str, cause: String| Err(failure(field, cause));
     let multiplier = match options.multiplier {

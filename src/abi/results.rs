@@ -203,7 +203,7 @@ impl fmt::Display for Failure {
 }
 
 /// Result of an entry point's body.
-pub(super) type Outcome<T = cairn_result> = Result<T, Failure>;
+pub(super) type AbiResult<T = cairn_result> = Result<T, Failure>;
 
 impl Failure {
     /// A failure; `cause` is one sentence without a final stop.

@@ -8,12 +8,12 @@ use super::boundary::call;
 use super::controls::{cairn_controls, read_controls};
 use super::handles::{Handle, Kind, Object, destroy, enter, enter_serialized, insert};
 use super::images::{cairn_picture, read_picture};
-use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
+use super::results::{AbiResult, CAIRN_OK, Failure, cairn_result};
 use super::structs::{Out, check_out, describe, read_or_default};
 use super::text::{fixed_text, optional_text, required_text};
 use super::world::cairn_world;
 use crate::Picture;
-use crate::world::{Job, OperatingPoint, Rollout, Schedule, Stage, StepInfo, Worker};
+use crate::world::{Job, OperatingPoint, Rollout, Schedule, StageTotals, StepInfo, Worker};
 
 /// The largest capacity of a rollout's queue, in steps.
 pub const CAIRN_MAX_QUEUE: u32 = 64;
@@ -399,7 +399,7 @@ const MAX_PICTURES: u32 = 4;
 ///
 /// # Safety
 /// Where it is neither null nor misaligned, `pictures` points to `count` structs, each of which [`read_picture`] may be given.
-pub(super) unsafe fn read_pictures(pictures: *const cairn_picture, count: u32) -> Outcome<Vec<Picture>> {
+pub(super) unsafe fn read_pictures(pictures: *const cairn_picture, count: u32) -> AbiResult<Vec<Picture>> {
     if !(1..=MAX_PICTURES).contains(&count) {
         return Err(Failure::argument("count", format!("{count} pictures make no latent")).remedy("Give 1 or 4"));
     }
@@ -427,13 +427,13 @@ pub(super) unsafe fn read_pictures(pictures: *const cairn_picture, count: u32) -
 }
 
 /// Parses schedules that are separated by spaces.
-pub(super) fn read_schedules(text: &str) -> Outcome<Vec<Schedule>> {
+pub(super) fn read_schedules(text: &str) -> AbiResult<Vec<Schedule>> {
     Ok(text.split_whitespace().map(str::parse).collect::<Result<_, _>>()?)
 }
 
 /// Converts a step's report to the header's struct.
 pub(super) fn step_info(info: &StepInfo) -> cairn_step_info {
-    let count = |stage: Stage| u32::try_from(stage.count).unwrap_or(u32::MAX);
+    let count = |stage: StageTotals| u32::try_from(stage.count).unwrap_or(u32::MAX);
     cairn_step_info {
         struct_size: 0,
         flags: if info.committed { CAIRN_STEP_COMMITTED } else { 0 },
@@ -450,6 +450,6 @@ pub(super) fn step_info(info: &StepInfo) -> cairn_step_info {
 }
 
 /// Converts a stage's time to the header's type.
-pub(super) fn nanoseconds(stage: Stage) -> u64 {
+pub(super) fn nanoseconds(stage: StageTotals) -> u64 {
     u64::try_from(stage.time.as_nanos()).unwrap_or(u64::MAX)
 }

@@ -5,7 +5,7 @@ use std::ffi::c_char;
 use super::boundary::call;
 use super::controls::{cairn_controls, to_header};
 use super::handles::{Handle, Kind, Object, destroy, enter, insert};
-use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
+use super::results::{AbiResult, CAIRN_OK, Failure, cairn_result};
 use super::structs::{Out, check_out, slice};
 use super::text::copy_text;
 use crate::world::{ControlScript, WorldTime};
@@ -133,7 +133,7 @@ pub unsafe extern "C" fn cairn_script_destroy(script: *mut cairn_script) -> cair
 }
 
 /// The span of world time, from start to end, that a latent covers.
-pub(super) fn span(latent: u64, latents_per_second: u32) -> Outcome<(WorldTime, WorldTime)> {
+pub(super) fn span(latent: u64, latents_per_second: u32) -> AbiResult<(WorldTime, WorldTime)> {
     if latents_per_second == 0 || latents_per_second > crate::world::MAX_LATENT_RATE {
         let failure = Failure::argument("latents_per_second", format!("{latents_per_second} is no rate of latents"));
         return Err(failure.remedy(format!("Use 1 to {}", crate::world::MAX_LATENT_RATE)));

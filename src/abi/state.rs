@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use super::boundary::call;
 use super::handles::{enter, enter_serialized};
-use super::results::{CAIRN_ERROR_IO, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_OK, Failure, Outcome, cairn_result};
+use super::results::{AbiResult, CAIRN_ERROR_IO, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_OK, Failure, cairn_result};
 use super::rollout::cairn_rollout;
 use super::structs::{check_out, slice, slice_mut};
 use super::text::required_text;
@@ -131,7 +131,7 @@ pub unsafe extern "C" fn cairn_rollout_restore_file(rollout: *mut cairn_rollout,
 }
 
 /// Writes a temporary file beside `path` and renames it, so that `path` never has an incomplete file.
-fn write_atomically(path: &Path, bytes: &[u8]) -> Outcome<()> {
+fn write_atomically(path: &Path, bytes: &[u8]) -> AbiResult<()> {
     let mut name = path.file_name().ok_or_else(|| Failure::argument("path", "it names no file"))?.to_owned();
     // Several threads may save to one path.
     static SAVES: AtomicU64 = AtomicU64::new(0);
@@ -167,7 +167,7 @@ fn is_in_use(error: &std::io::Error) -> bool {
 }
 
 /// Reads a file of at most `max_bytes`.
-fn read_file(path: &Path, max_bytes: u64) -> Outcome<Vec<u8>> {
+fn read_file(path: &Path, max_bytes: u64) -> AbiResult<Vec<u8>> {
     let failure = |e: std::io::Error| io_failure(path, &e);
     // Asked first: to open a pipe would wait for somebody who writes to it.
     let found = fs::metadata(path).map_err(failure)?;

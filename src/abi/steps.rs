@@ -7,7 +7,7 @@ use super::boundary::call;
 use super::controls::{cairn_controls, read_controls};
 use super::handles::{enter, insert};
 use super::images::{cairn_picture, read_picture};
-use super::results::{CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Outcome, cairn_result};
+use super::results::{AbiResult, CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, cairn_result};
 use super::rollout::{cairn_rollout, cairn_step_info, read_pictures, step_info};
 use super::structs::{Out, check_out};
 use crate::world::{Job, TicketState};
@@ -191,7 +191,7 @@ pub unsafe extern "C" fn cairn_rollout_single_step(rollout: *const cairn_rollout
 
 /// # Safety
 /// `ticket` was checked and can be written.
-unsafe fn submit(rollout: *const cairn_rollout, job: Job, ticket: *mut u64) -> Outcome {
+unsafe fn submit(rollout: *const cairn_rollout, job: Job, ticket: *mut u64) -> AbiResult {
     let Some(number) = enter(rollout)?.submit(job)? else { return Ok(CAIRN_QUEUE_FULL) };
     // SAFETY: the caller's promise.
     unsafe { ticket.write(number) };
@@ -208,7 +208,7 @@ unsafe fn fetch(
     timeout: Option<Duration>,
     info: *mut cairn_step_info,
     anchor: *mut *mut cairn_anchor,
-) -> Outcome {
+) -> AbiResult {
     let worker = enter(rollout)?;
     // SAFETY: the host's promise about `info`.
     let info = unsafe { Out::optional(info, "info") }?;
@@ -216,7 +216,7 @@ unsafe fn fetch(
         check_out(anchor, "anchor")?;
     }
     let mut handle = std::ptr::null_mut();
-    let state = worker.ticket(ticket, timeout, worker.is_nested(), |done| -> Outcome<()> {
+    let state = worker.ticket(ticket, timeout, worker.is_nested(), |done| -> AbiResult<()> {
         if !anchor.is_null() {
             handle = insert::<cairn_anchor>(done.anchor.clone())?;
         }

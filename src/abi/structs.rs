@@ -1,6 +1,6 @@
 //! Reads and writes structs whose first field is their size, so that hosts and libraries of different versions work together.
 
-use super::results::{CAIRN_ERROR_STRUCT_SIZE, Failure, Outcome};
+use super::results::{AbiResult, CAIRN_ERROR_STRUCT_SIZE, Failure};
 
 /// Upper limit of a struct's size in bytes. It bounds what is read if the host has left struct_size uninitialised.
 const MAX_SIZE: usize = 4_096;
@@ -51,7 +51,7 @@ pub(super) const fn size_of_field<S, F>(_: fn(&S) -> &F) -> usize {
 ///
 /// # Safety
 /// `from` is null or points to as many readable bytes as its first four say.
-pub(super) unsafe fn read<T: Struct>(from: *const T, name: &str) -> Outcome<T> {
+pub(super) unsafe fn read<T: Struct>(from: *const T, name: &str) -> AbiResult<T> {
     // SAFETY: the caller's promise is the same.
     let size = unsafe { struct_size(from, name) }?;
     let mut own = std::mem::MaybeUninit::<T>::zeroed();
@@ -77,7 +77,7 @@ pub(super) unsafe fn read<T: Struct>(from: *const T, name: &str) -> Outcome<T> {
 ///
 /// # Safety
 /// As [`read`].
-pub(super) unsafe fn read_or_default<T: Struct>(from: *const T, name: &str) -> Outcome<T> {
+pub(super) unsafe fn read_or_default<T: Struct>(from: *const T, name: &str) -> AbiResult<T> {
     if from.is_null() {
         // SAFETY: zeroes are valid in every field, by the trait's promise.
         return Ok(unsafe { std::mem::zeroed() });
@@ -96,7 +96,7 @@ pub(super) struct Out<T> {
 impl<T: Struct> Out<T> {
     /// # Safety
     /// `to` is null or points to as many bytes as its first four say, readable and writable as long as `Out` lives.
-    pub(super) unsafe fn new(to: *mut T, name: &str) -> Outcome<Self> {
+    pub(super) unsafe fn new(to: *mut T, name: &str) -> AbiResult<Self> {
         // SAFETY: the caller's promise is the same.
         let size = unsafe { struct_size(to, name) }?;
         Ok(Self { to, size })
@@ -106,7 +106,7 @@ impl<T: Struct> Out<T> {
     ///
     /// # Safety
     /// As [`new`](Self::new).
-    pub(super) unsafe fn optional(to: *mut T, name: &str) -> Outcome<Option<Self>> {
+    pub(super) unsafe fn optional(to: *mut T, name: &str) -> AbiResult<Option<Self>> {
         if to.is_null() {
             return Ok(None);
         }
@@ -139,7 +139,7 @@ pub(super) unsafe fn write_array<T: Struct>(
     stride: usize,
     capacity: u32,
     count: *mut u32,
-) -> Outcome<()> {
+) -> AbiResult<()> {
     if count.is_null() || !count.is_aligned() {
         return Err(Failure::argument("count", "a null or misaligned pointer"));
     }
@@ -164,7 +164,7 @@ pub(super) unsafe fn write_array<T: Struct>(
 }
 
 /// Checks a pointer to which a call writes one value on success.
-pub(super) fn check_out<T>(to: *mut T, name: &str) -> Outcome<()> {
+pub(super) fn check_out<T>(to: *mut T, name: &str) -> AbiResult<()> {
     if to.is_null() {
         return Err(Failure::argument(name, "a null pointer where the result goes"));
     }
@@ -175,7 +175,7 @@ pub(super) fn check_out<T>(to: *mut T, name: &str) -> Outcome<()> {
 ///
 /// # Safety
 /// `from` is null or points to `count` readable values that nobody changes while `'a` lasts.
-pub(super) unsafe fn slice<'a, T>(from: *const T, count: usize, name: &str) -> Outcome<&'a [T]> {
+pub(super) unsafe fn slice<'a, T>(from: *const T, count: usize, name: &str) -> AbiResult<&'a [T]> {
     check_array(from, count, name)?;
     // SAFETY: not null, aligned, of a possible size, and readable by the caller's promise.
     Ok(unsafe { std::slice::from_raw_parts(from, count) })
@@ -185,13 +185,13 @@ pub(super) unsafe fn slice<'a, T>(from: *const T, count: usize, name: &str) -> O
 ///
 /// # Safety
 /// `to` is null or points to `count` initialised values that nobody else uses while `'a` lasts.
-pub(super) unsafe fn slice_mut<'a, T>(to: *mut T, count: usize, name: &str) -> Outcome<&'a mut [T]> {
+pub(super) unsafe fn slice_mut<'a, T>(to: *mut T, count: usize, name: &str) -> AbiResult<&'a mut [T]> {
     check_array(to, count, name)?;
     // SAFETY: not null, aligned, of a possible size, and writable by the caller's promise.
     Ok(unsafe { std::slice::from_raw_parts_mut(to, count) })
 }
 
-fn check_array<T>(pointer: *const T, count: usize, name: &str) -> Outcome<()> {
+fn check_array<T>(pointer: *const T, count: usize, name: &str) -> AbiResult<()> {
     if pointer.is_null() {
         return Err(Failure::argument(name, "a null pointer where an array must be"));
     }
@@ -202,7 +202,7 @@ fn check_array<T>(pointer: *const T, count: usize, name: &str) -> Outcome<()> {
     }
 }
 
-fn check_alignment<T>(pointer: *const T, name: &str) -> Outcome<()> {
+fn check_alignment<T>(pointer: *const T, name: &str) -> AbiResult<()> {
     if pointer.is_aligned() {
         return Ok(());
     }
@@ -211,7 +211,7 @@ fn check_alignment<T>(pointer: *const T, name: &str) -> Outcome<()> {
 
 /// # Safety
 /// `from` is null or its first four bytes can be read.
-unsafe fn struct_size<T: Struct>(from: *const T, name: &str) -> Outcome<usize> {
+unsafe fn struct_size<T: Struct>(from: *const T, name: &str) -> AbiResult<usize> {
     if from.is_null() {
         return Err(Failure::argument(name, format!("a null pointer where a {} must be", T::NAME)));
     }
@@ -222,7 +222,7 @@ unsafe fn struct_size<T: Struct>(from: *const T, name: &str) -> Outcome<usize> {
     Ok(size)
 }
 
-fn check_size<T: Struct>(size: usize, name: &str) -> Outcome<()> {
+fn check_size<T: Struct>(size: usize, name: &str) -> AbiResult<()> {
     let own = size_of::<T>();
     // A newer struct's size is still a multiple of its alignment.
     let newer = size > own && size <= MAX_SIZE && size.is_multiple_of(align_of::<T>());

@@ -8,7 +8,7 @@ use super::boundary::call;
 use super::d3d12::{ID3D12GraphicsCommandList, ID3D12Resource, check_not_null};
 use super::device::cairn_device;
 use super::handles::{Handle, Kind, Object, destroy, enter, enter_serialized, insert};
-use super::results::{CAIRN_ERROR_BUSY, CAIRN_OK, Failure, Outcome, cairn_result};
+use super::results::{AbiResult, CAIRN_ERROR_BUSY, CAIRN_OK, Failure, cairn_result};
 use super::structs::{Out, check_out, read};
 
 #[cfg_attr(windows, path = "swapchain/windows.rs")]
@@ -364,7 +364,7 @@ pub unsafe extern "C" fn cairn_swapchain_destroy(swapchain: *mut cairn_swapchain
 ///
 /// # Safety
 /// `to` can be written.
-unsafe fn write_handle(made: SwapchainObject, to: *mut *mut cairn_swapchain) -> Outcome {
+unsafe fn write_handle(made: SwapchainObject, to: *mut *mut cairn_swapchain) -> AbiResult {
     let handle = insert::<cairn_swapchain>(Mutex::new(made))?;
     // SAFETY: the caller's promise.
     unsafe { to.write(handle) };

@@ -2,7 +2,7 @@
 
 use std::ffi::c_char;
 
-use super::results::{CAIRN_OK, CAIRN_TRUNCATED, Failure, Outcome};
+use super::results::{AbiResult, CAIRN_OK, CAIRN_TRUNCATED, Failure};
 
 /// The longest text that is read, in bytes without its NUL: longer than any path that a system accepts.
 const MAX_TEXT: usize = 65_535;
@@ -11,7 +11,7 @@ const MAX_TEXT: usize = 65_535;
 ///
 /// # Safety
 /// `text` is null or points to bytes that can be read up to the first NUL, or up to 65,536 of them.
-pub(super) unsafe fn optional_text<'a>(text: *const c_char, name: &str) -> Outcome<Option<&'a str>> {
+pub(super) unsafe fn optional_text<'a>(text: *const c_char, name: &str) -> AbiResult<Option<&'a str>> {
     if text.is_null() {
         return Ok(None);
     }
@@ -32,13 +32,13 @@ pub(super) unsafe fn optional_text<'a>(text: *const c_char, name: &str) -> Outco
 ///
 /// # Safety
 /// As [`optional_text`].
-pub(super) unsafe fn required_text<'a>(text: *const c_char, name: &str) -> Outcome<&'a str> {
+pub(super) unsafe fn required_text<'a>(text: *const c_char, name: &str) -> AbiResult<&'a str> {
     // SAFETY: the caller's promise is the same.
     unsafe { optional_text(text, name) }?.ok_or_else(|| Failure::argument(name, "a null pointer where text must be"))
 }
 
 /// Checks the pointers that [`copy_text`] gets, before there is a text.
-pub(super) fn check_text_buffer(text: *mut c_char, capacity: usize, length: *mut usize) -> Outcome<()> {
+pub(super) fn check_text_buffer(text: *mut c_char, capacity: usize, length: *mut usize) -> AbiResult<()> {
     if text.is_null() && capacity > 0 {
         return Err(Failure::argument("text", "a null pointer with a capacity"));
     }
@@ -53,7 +53,7 @@ pub(super) fn check_text_buffer(text: *mut c_char, capacity: usize, length: *mut
 ///
 /// # Safety
 /// `text` is null or has `capacity` writable bytes; `length` is null or can be written.
-pub(super) unsafe fn copy_text(from: &str, text: *mut c_char, capacity: usize, length: *mut usize) -> Outcome {
+pub(super) unsafe fn copy_text(from: &str, text: *mut c_char, capacity: usize, length: *mut usize) -> AbiResult {
     check_text_buffer(text, capacity, length)?;
     // A host could never read what follows a NUL, and would call again with more room for ever.
     let from = before_nul(from);

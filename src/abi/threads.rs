@@ -4,7 +4,7 @@ use std::ffi::c_void;
 use std::sync::Arc;
 
 use super::boundary::call;
-use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
+use super::results::{AbiResult, CAIRN_OK, Failure, cairn_result};
 use super::structs::{describe, read, read_or_default};
 use crate::tasks::{MAX_THREADS, Priority, Scheduler, ThreadOptions, set_scheduler, set_threads};
 
@@ -106,7 +106,7 @@ pub unsafe extern "C" fn cairn_set_scheduler(scheduler: *const cairn_scheduler) 
     })
 }
 
-fn thread_options(options: &cairn_thread_options) -> Outcome<ThreadOptions> {
+fn thread_options(options: &cairn_thread_options) -> AbiResult<ThreadOptions> {
     let refuse = |field: &str, why: String| Err(Failure::argument(&format!("options.{field}"), why));
     let threads = match options.threads {
         0 => None,
@@ -139,7 +139,7 @@ unsafe impl Sync for HostScheduler {}
 
 const _: () = assert!(CAIRN_MAX_THREADS as usize == MAX_THREADS);
 
-fn host_scheduler(scheduler: &cairn_scheduler) -> Outcome<HostScheduler> {
+fn host_scheduler(scheduler: &cairn_scheduler) -> AbiResult<HostScheduler> {
     let concurrency = scheduler.concurrency;
     if !(1..=CAIRN_MAX_THREADS).contains(&concurrency) {
         return Err(Failure::argument("scheduler.concurrency", format!("{concurrency} jobs at the same time"))

@@ -10,7 +10,7 @@ use std::time::Duration;
 use super::boundary::call;
 use super::device::{cairn_device, precision, precision_number};
 use super::handles::{Handle, Kind, Object, destroy, enter, insert};
-use super::results::{CAIRN_OK, Failure, Outcome, cairn_result};
+use super::results::{AbiResult, CAIRN_OK, Failure, cairn_result};
 use super::structs::{Out, check_out, describe, read};
 use super::text::{copy_text, fixed_text, optional_text};
 use crate::bundle::{Bundle, OpenOptions};
@@ -353,7 +353,7 @@ fn load(
     path: Option<&str>,
     point: Option<&str>,
     options: &cairn_world_options,
-) -> Outcome<LoadedWorld> {
+) -> AbiResult<LoadedWorld> {
     if options.flags & !(CAIRN_WORLD_FIT_WINDOW | CAIRN_WORLD_CHECK_PRECISION) != 0 {
         return Err(Failure::argument("options.flags", format!("{:#x} has an unknown bit", options.flags)));
     }

@@ -164,7 +164,7 @@ pub enum Passes {
 }
 
 /// Memory of the transformer, of all slices.
-struct Need {
+struct TransformerMemory {
     weights: u64,
     peak: u64,
     largest: u64,
@@ -177,7 +177,7 @@ struct Need {
     conditioning_values: u64,
 }
 
-impl Need {
+impl TransformerMemory {
     fn of(footprints: &[Footprint], processor: Processor) -> Self {
         let sum =
             |part: fn(&Footprint) -> u64| footprints.iter().map(part).fold(0, |sum: u64, n| sum.saturating_add(n));
@@ -249,7 +249,7 @@ impl Bundle {
         let (encoder, decoder) = (encoder?, decoder?);
         let in_slices = |kind, slices| {
             let split = self.splitting(kind, precision, g)?.split(slices)?;
-            Ok::<_, Error>(Need::in_slices(&split, processor))
+            Ok::<_, Error>(TransformerMemory::in_slices(&split, processor))
         };
         let transformer = match passes {
             Passes::Whole => in_slices(GraphKind::Transformer, 1)?,
@@ -257,7 +257,7 @@ impl Bundle {
             Passes::Joined { shared_weights } => {
                 let transformer = in_slices(GraphKind::Transformer, 1)?;
                 let both = transformer.with(&in_slices(GraphKind::Joined, 1)?);
-                if shared_weights { Need { weights: transformer.weights, ..both } } else { both }
+                if shared_weights { TransformerMemory { weights: transformer.weights, ..both } } else { both }
             }
         };
 

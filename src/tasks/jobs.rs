@@ -8,7 +8,7 @@ use std::thread::ThreadId;
 
 use crate::locks::{Condvar, Mutex};
 
-use super::{Body, Executor, ScopedValue, calling_thread};
+use super::{Executor, LoopBody, ScopedValue, calling_thread};
 
 /// Maximum number of shared loops at a time. The list never grows, so no loop allocates memory. If the list is full, a loop runs on the
 /// calling thread alone.
@@ -32,7 +32,7 @@ pub(super) struct Loop<'a> {
     min_len: usize,
     /// Maximum number of threads that may share it, its own included.
     pub(super) threads: usize,
-    body: &'a Body<'a>,
+    body: &'a LoopBody<'a>,
     caller: ThreadId,
     /// The first unclaimed index.
     next: AtomicUsize,
@@ -40,7 +40,7 @@ pub(super) struct Loop<'a> {
 }
 
 impl<'a> Loop<'a> {
-    pub(super) fn new(len: usize, min_len: usize, threads: usize, body: &'a Body<'a>) -> Self {
+    pub(super) fn new(len: usize, min_len: usize, threads: usize, body: &'a LoopBody<'a>) -> Self {
         let caller = calling_thread();
         Self { len, min_len, threads, body, caller, next: AtomicUsize::new(0), panic: Mutex::new(None) }
     }

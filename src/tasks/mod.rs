@@ -102,9 +102,9 @@ pub(crate) fn join_loops<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl
 }
 
 /// The body of a loop: gets the thread's slot and a range of indices.
-type Body<'a> = dyn Fn(usize, Range<usize>) + Sync + 'a;
+type LoopBody<'a> = dyn Fn(usize, Range<usize>) + Sync + 'a;
 
-fn run(len: usize, min_len: usize, slots: usize, body: &Body<'_>) {
+fn run(len: usize, min_len: usize, slots: usize, body: &LoopBody<'_>) {
     let min_len = min_len.max(1);
     let shared_by = |threads: usize| threads.min(slots).min(len.div_ceil(min_len));
     match EXECUTOR.get() {

@@ -86,7 +86,7 @@ impl LatentCost {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::world::statistics::Stage;
+    use crate::world::statistics::StageTotals;
 
     const MS: Duration = Duration::from_millis(1);
 
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn a_step_is_divided_where_its_passes_run_in_their_stages() {
-        let stage = |count, time| Stage { count, time: time * MS };
+        let stage = |count, time| StageTotals { count, time: time * MS };
         let stages = Stages {
             denoise: stage(4, 8),
             cache: stage(1, 2),

@@ -64,7 +64,7 @@ pub use script::{
     Action, ControlScript, MAX_EVENT_MOUSE, MAX_EVENT_SCROLL, MAX_EVENTS, MAX_SCRIPT_BYTES, SCRIPT_VERSION,
     ScriptEvent, ScriptRecorder,
 };
-pub use statistics::{Stage, Stages, Statistics, StepInfo};
+pub use statistics::{StageTotals, Stages, Statistics, StepInfo};
 pub use time::{MAX_SECONDS, WorldTime};
 pub use virtual_keys::{Key, KeySet};
 pub use worker::{Job, QueuedRollout, ReadGuard, StepResult, TicketState, Worker, WorkerStatistics};

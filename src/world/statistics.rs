@@ -6,14 +6,14 @@ use crate::runtime::Bytes;
 
 /// Number of runs of one stage of the work, and their total time.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Stage {
+pub struct StageTotals {
     /// Runs: passes of a graph, commits, or pictures resized.
     pub count: u64,
     /// Wall time. On an asynchronous device this is the time to submit and, if a result was requested, to wait.
     pub time: Duration,
 }
 
-impl Stage {
+impl StageTotals {
     /// Adds `count` runs that began at `start` and end now.
     pub(super) fn add(&mut self, count: u64, start: Instant) {
         self.count += count;
@@ -25,17 +25,17 @@ impl Stage {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Stages {
     /// Resizing and encoding of pictures.
-    pub encode: Stage,
+    pub encode: StageTotals,
     /// Denoise passes.
-    pub denoise: Stage,
+    pub denoise: StageTotals,
     /// Cache passes: passes at sigma 0 that make K and V for the ring.
-    pub cache: Stage,
+    pub cache: StageTotals,
     /// Copies of new K and V into the ring.
-    pub commit: Stage,
+    pub commit: StageTotals,
     /// Decoder runs, including those that only prime the decoder.
-    pub decode: Stage,
+    pub decode: StageTotals,
     /// Pictures read and resized.
-    pub resize: Stage,
+    pub resize: StageTotals,
 }
 
 impl Stages {

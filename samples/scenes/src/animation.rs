@@ -19,7 +19,7 @@ pub(crate) enum Animation {
     /// At rest, or held in view.
     Still,
     /// One rigid body.
-    Rigid(Body),
+    Rigid(RigidMotion),
     /// Rigid bones; each vertex belongs to one and is given in its frame.
     Skeleton { rig: Rig, bones: Vec<u8> },
     /// Plants in the wind; one entry per vertex.
@@ -39,7 +39,7 @@ pub(crate) struct Flex {
 
 /// The path of a rigid body.
 #[derive(Debug, Clone)]
-pub(crate) enum Body {
+pub(crate) enum RigidMotion {
     /// A ball that rolls along a route without slipping, from `start` metres at time 0, and coasts to a stop at the end.
     Roll { route: Route, ground: Arc<Terrain>, start: f32, speed: f32, radius: f32 },
     /// A body that falls from each of `heights` (metres) in turn, over and over, and spins in the air. Its centre comes down to `floor`.
@@ -48,7 +48,7 @@ pub(crate) enum Body {
     Hinge { at: Vec3, yaw: f32, angle: f32, opens: f32, period: f32 },
 }
 
-impl Body {
+impl RigidMotion {
     /// Pose at `time` seconds.
     pub(crate) fn pose(&self, time: f32) -> Pose {
         match self {
@@ -361,7 +361,7 @@ mod tests {
     fn figure() -> Figure {
         let points = vec![Vec2::new(0.0, -20.0), Vec2::new(0.0, 20.0), Vec2::new(1.0, 20.0), Vec2::new(1.0, -20.0)];
         Figure {
-            route: Route::new(points, true),
+            route: Route::closed(points),
             ground: Arc::new(Terrain::new(Family::Desert, 1)),
             start: 5.0,
             speed: 1.3,
@@ -395,9 +395,9 @@ mod tests {
 
     #[test]
     fn a_ball_rolls_without_slipping() {
-        let route = Route::new(vec![Vec2::new(0.0, -40.0), Vec2::new(0.0, 40.0)], false);
+        let route = Route::open(vec![Vec2::new(0.0, -40.0), Vec2::new(0.0, 40.0)]);
         let ground = Arc::new(Terrain::new(Family::Desert, 1));
-        let ball = Body::Roll { route, ground, start: 3.0, speed: 2.0, radius: 0.3 };
+        let ball = RigidMotion::Roll { route, ground, start: 3.0, speed: 2.0, radius: 0.3 };
         let (a, b) = (ball.pose(1.0), ball.pose(1.01));
         // The point that touches the ground stays where it is.
         let touches = a.apply_inverse(a.translation - Vec3::Y * 0.3);
@@ -407,7 +407,7 @@ mod tests {
 
     #[test]
     fn a_bounce_is_continuous_and_touches_the_floor() {
-        let body = Body::Bounce { floor: Vec3::ZERO, heights: [2.0, 1.2, 0.7, 0.4], offset: 0.3, spin: 2.0 };
+        let body = RigidMotion::Bounce { floor: Vec3::ZERO, heights: [2.0, 1.2, 0.7, 0.4], offset: 0.3, spin: 2.0 };
         let heights: Vec<f32> = (0..4000).map(|n| body.pose(n as f32 * 0.002).translation.y).collect();
         assert!(heights.windows(2).all(|w| (w[1] - w[0]).abs() < 0.014));
         assert!(heights.iter().any(|h| *h > 1.98) && heights.iter().filter(|h| **h < 0.01).count() > 5);

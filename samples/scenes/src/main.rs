@@ -18,7 +18,7 @@ use scenes::{
     Cast, Clip, ClipFrame, ClipOptions, Effects, FAMILIES, Family, Frame, LANDSCAPES, MAX_RATE, Quality, Scene, Start,
 };
 
-type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
+type Result<T, E = Box<dyn std::error::Error>> = std::result::Result<T, E>;
 
 /// Procedural places with ground truth.
 #[derive(Parser)]
@@ -133,7 +133,7 @@ struct EffectArguments {
 }
 
 impl EffectArguments {
-    fn effects(&self, rate: u32) -> Outcome<Effects> {
+    fn effects(&self, rate: u32) -> Result<Effects> {
         let edits = self.edits.iter().cloned().try_fold(EditList::default(), EditList::joined)?;
         if self.blur.is_some_and(|degrees| !(degrees > 0.0 && degrees <= 360.0)) {
             return Err("--blur must be above 0 and at most 360 degrees".into());
@@ -209,7 +209,7 @@ fn texel(text: &str) -> Result<u32, String> {
 }
 
 impl EngineArguments {
-    fn engine(&self) -> Outcome<Option<(u32, Engine)>> {
+    fn engine(&self) -> Result<Option<(u32, Engine)>> {
         let Some(frames) = self.engine else { return Ok(None) };
         let options = EngineOptions {
             frames,
@@ -257,12 +257,12 @@ fn main() -> ExitCode {
     }
 }
 
-fn save(path: &Path, picture: &Picture) -> Outcome<()> {
+fn save(path: &Path, picture: &Picture) -> Result<()> {
     let rgb: Vec<u8> = picture.pixels().iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
     Ok(image::save_buffer(path, &rgb, picture.width(), picture.height(), image::ColorType::Rgb8)?)
 }
 
-fn sheet(out: &Path, seed: u64, cast: Cast) -> Outcome<()> {
+fn sheet(out: &Path, seed: u64, cast: Cast) -> Result<()> {
     const GAP: u32 = 6;
     let (w, h) = (384, 216);
     let families = if cast == Cast::none() { &LANDSCAPES[..] } else { &FAMILIES[..] };
@@ -294,7 +294,7 @@ fn sheet(out: &Path, seed: u64, cast: Cast) -> Outcome<()> {
     Ok(())
 }
 
-fn clip(a: &ClipArguments) -> Outcome<()> {
+fn clip(a: &ClipArguments) -> Result<()> {
     let script = match &a.script {
         Some(path) => {
             let bytes = fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
@@ -394,7 +394,7 @@ fn clip(a: &ClipArguments) -> Outcome<()> {
 }
 
 /// Controls of each latent step of the first `seconds` of a script.
-fn controls(script: &ControlScript, seconds: f64) -> Outcome<String> {
+fn controls(script: &ControlScript, seconds: f64) -> Result<String> {
     let mut lines = String::new();
     for q in 0..(seconds * f64::from(LATENTS_PER_SECOND)).round() as u64 {
         let span = (WorldTime::new(q, LATENTS_PER_SECOND), WorldTime::new(q + 1, LATENTS_PER_SECOND));
@@ -410,19 +410,19 @@ fn controls(script: &ControlScript, seconds: f64) -> Outcome<String> {
 }
 
 /// Writes a picture's 8-bit RGB, row by row.
-fn write_rgb(out: &mut dyn Write, picture: &Picture) -> Outcome<()> {
+fn write_rgb(out: &mut dyn Write, picture: &Picture) -> Result<()> {
     let rgb: Vec<u8> = picture.pixels().iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
     Ok(out.write_all(&rgb)?)
 }
 
-fn write_frame(out: &Path, n: u64, frame: &Frame) -> Outcome<()> {
+fn write_frame(out: &Path, n: u64, frame: &Frame) -> Result<()> {
     save(&out.join(format!("{n:04}.png")), &frame.picture)?;
     write_numbers(&out.join(format!("{n:04}.depth.f32")), frame.depth.iter().copied())?;
     write_numbers(&out.join(format!("{n:04}.motion.f32")), frame.motion.iter().flat_map(|m| [m.x, m.y]))
 }
 
 /// Writes little-endian 32-bit floats.
-fn write_numbers(path: &Path, numbers: impl Iterator<Item = f32>) -> Outcome<()> {
+fn write_numbers(path: &Path, numbers: impl Iterator<Item = f32>) -> Result<()> {
     Ok(fs::write(path, numbers.flat_map(f32::to_le_bytes).collect::<Vec<u8>>())?)
 }
 

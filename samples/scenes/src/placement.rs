@@ -7,7 +7,7 @@ use cairn::world::{ControlScript, WorldTime};
 use glam::{Mat3, Vec2, Vec3};
 
 use crate::actors;
-use crate::animation::{Animation, Bird, Body, Figure, Rig};
+use crate::animation::{Animation, Bird, Figure, Rig, RigidMotion};
 use crate::cast::Cast;
 use crate::family::Family;
 use crate::lamp::{Lamp, Mount};
@@ -49,43 +49,43 @@ impl Spot {
 
 /// Adds the moving things of `cast` to a scene that is complete but for its shadows.
 pub(crate) fn populate(scene: &mut Scene, cast: Cast) {
-    let mut stage = Stage { spots: spots(scene), ground: Arc::new(scene.terrain.clone()), scene };
+    let mut placer = Placer { spots: spots(scene), ground: Arc::new(scene.terrain.clone()), scene };
     // Each kind has its own sequence of numbers, so that one does not displace another.
-    let seed = stage.scene.seed ^ (stage.scene.family as u64) << 40;
+    let seed = placer.scene.seed ^ (placer.scene.family as u64) << 40;
     let rng = |kind: u64| Rng::new(seed ^ 0xca57_0000 ^ kind << 48);
     if cast.figures {
-        stage.figures(cast.lights, &mut rng(1));
+        placer.figures(cast.lights, &mut rng(1));
     }
     if cast.birds {
-        stage.birds(&mut rng(2));
+        placer.birds(&mut rng(2));
     }
     if cast.bodies {
-        stage.ball(&mut rng(3));
-        stage.boxes(&mut rng(4));
+        placer.ball(&mut rng(3));
+        placer.boxes(&mut rng(4));
     }
     if cast.doors {
-        stage.gates(&mut rng(5));
+        placer.gates(&mut rng(5));
     }
     if cast.water {
-        stage.water(&mut rng(6));
+        placer.water(&mut rng(6));
     }
     if cast.particles {
-        stage.fires(&mut rng(7));
-        let (kind, count) = match stage.scene.family {
+        placer.fires(&mut rng(7));
+        let (kind, count) = match placer.scene.family {
             Family::Snow => (AirKind::Snow, 1400),
             Family::Town => (AirKind::Snow, 700),
             _ => (AirKind::Dust, 500),
         };
-        stage.scene.emitters.push(Emitter::Air { kind, count, seed: seed as u32 });
+        placer.scene.emitters.push(Emitter::Air { kind, count, seed: seed as u32 });
     }
     if cast.flashes {
-        let light = Vec3::new(1.0, 0.72, 0.36) * if stage.scene.family.is_dark() { 5.0 } else { 22.0 };
-        stage.scene.lamps.push(Lamp { mount: Mount::Muzzle, light, reach: 12.0 });
-        stage.scene.emitters.push(Emitter::Muzzle);
+        let light = Vec3::new(1.0, 0.72, 0.36) * if placer.scene.family.is_dark() { 5.0 } else { 22.0 };
+        placer.scene.lamps.push(Lamp { mount: Mount::Muzzle, light, reach: 12.0 });
+        placer.scene.emitters.push(Emitter::Muzzle);
     }
     if cast.lights {
-        let light = Vec3::new(1.0, 0.93, 0.80) * if stage.scene.family.is_dark() { 3.0 } else { 16.0 };
-        stage.scene.lamps.push(Lamp { mount: Mount::Headlamp, light, reach: 16.0 });
+        let light = Vec3::new(1.0, 0.93, 0.80) * if placer.scene.family.is_dark() { 3.0 } else { 16.0 };
+        placer.scene.lamps.push(Lamp { mount: Mount::Headlamp, light, reach: 16.0 });
     }
 }
 
@@ -106,13 +106,13 @@ fn spots(scene: &Scene) -> Vec<Spot> {
     spots
 }
 
-struct Stage<'a> {
+struct Placer<'a> {
     scene: &'a mut Scene,
     spots: Vec<Spot>,
     ground: Arc<Terrain>,
 }
 
-impl Stage<'_> {
+impl Placer<'_> {
     fn spot(&self, time: f32) -> Spot {
         self.spots[((time * RATE as f32) as usize).min(self.spots.len() - 1)]
     }
@@ -187,7 +187,7 @@ impl Stage<'_> {
                 let side = along.perp().normalize() * 0.4;
                 let corners =
                     [middle - along - side, middle + along - side, middle + along + side, middle - along + side];
-                let route = Route::new(corners.to_vec(), true);
+                let route = Route::closed(corners.to_vec());
                 let start = along.length() - speed * time;
                 let at = |time: f32| route.at(start + speed * time).0;
                 let samples = (route.length() / 0.4) as u32;
@@ -254,10 +254,11 @@ impl Stage<'_> {
             end += onward * 0.4;
         }
         way.push(end);
-        let route = Route::new(way, false);
+        let route = Route::open(way);
         let (lead, walk) = (4.0, route.length() - end.distance(last));
         // The speed of the walk on average, so that the ball stays ahead.
-        let body = Body::Roll { route, ground: Arc::clone(&self.ground), start: lead, speed: walk / 15.0, radius };
+        let body =
+            RigidMotion::Roll { route, ground: Arc::clone(&self.ground), start: lead, speed: walk / 15.0, radius };
         let mesh = actors::ball(radius, rng);
         self.push(mesh, Animation::Rigid(body));
     }
@@ -281,7 +282,7 @@ impl Stage<'_> {
             // A spinning box touches the ground with its corners: its centre stays as far up as they reach.
             let floor = Vec3::new(at.x, self.ground.mesh_height(at) + half * 1.6, at.y);
             let heights = if low { [1.2, 0.8, 0.5, 0.3] } else { [2.4, 1.5, 0.9, 0.5] };
-            let body = Body::Bounce { floor, heights, offset: rng.range(0.0, 4.0), spin: rng.range(1.2, 2.4) };
+            let body = RigidMotion::Bounce { floor, heights, offset: rng.range(0.0, 4.0), spin: rng.range(1.2, 2.4) };
             let mesh = actors::crate_box(half, rng);
             self.push(mesh, Animation::Rigid(body));
         }
@@ -332,11 +333,11 @@ impl Stage<'_> {
                 let centre = Vec2::new(turn.sin(), turn.cos()) * (radius + 0.1) + at;
                 rim.add_instance(&stone, Vec3::new(centre.x, height, centre.y), Mat3::from_rotation_y(turn), Vec3::ONE);
             }
-            self.scene.chunks.push(Chunk::new(rim, false));
+            self.scene.chunks.push(Chunk::new(rim));
             self.scene.obstacles.push((at, radius + 0.2));
             self.scene.water = Some(height);
         }
-        self.scene.chunks.push(Chunk::new(mesh, false));
+        self.scene.chunks.push(Chunk::new(mesh));
     }
 
     /// Small fires beside the walk.
@@ -359,7 +360,7 @@ impl Stage<'_> {
             bowl.tube(&[(foot, 0.1), (foot + Vec3::Y * 0.35, 0.12), (foot + Vec3::Y * 0.55, 0.3)], 12, 0.0, 1, iron);
             let ember = TriangleMaterial { material: Material::Glow, variant: 0 };
             bowl.block(foot + Vec3::new(-0.17, 0.55, -0.17), foot + Vec3::new(0.17, 0.69, 0.17), ember);
-            self.scene.chunks.push(Chunk::new(bowl, false));
+            self.scene.chunks.push(Chunk::new(bowl));
             self.scene.emitters.push(Emitter::Fire { at: foot + Vec3::Y * 0.65, seed: rng.bits() });
         }
     }
@@ -384,8 +385,8 @@ impl Stage<'_> {
             let yaw = across.y.atan2(-across.x);
             let mut posts = Mesh::default();
             posts.add_instance(&actors::gate_posts(width, rng), at, Mat3::from_rotation_y(yaw), Vec3::ONE);
-            self.scene.chunks.push(Chunk::new(posts, false));
-            let body = Body::Hinge { at, yaw, angle: 1.6, opens: time, period: 7.0 };
+            self.scene.chunks.push(Chunk::new(posts));
+            let body = RigidMotion::Hinge { at, yaw, angle: 1.6, opens: time, period: 7.0 };
             let leaf = actors::gate_leaf(width, rng);
             self.push(leaf, Animation::Rigid(body));
         }

@@ -37,18 +37,29 @@ pub(crate) struct Route {
     closed: bool,
 }
 
+/// Points that are closer together, in metres, are one.
+const SAME_POINT: f32 = 1e-3;
+
 impl Route {
-    /// A route through at least two points. A closed one returns to its first point and goes on; an open one ends at its last.
-    pub(crate) fn new(mut points: Vec<Vec2>, closed: bool) -> Self {
-        points.dedup_by(|a, b| a.distance(*b) < 1e-3);
-        if closed {
-            points.push(points[0]);
-        }
+    /// A route through at least two points that returns to the first one and goes on.
+    pub(crate) fn closed(mut points: Vec<Vec2>) -> Self {
+        points.dedup_by(|a, b| a.distance(*b) < SAME_POINT);
+        points.push(points[0]);
+        Self { closed: true, ..Self::through(points) }
+    }
+
+    /// A route through at least two points that ends at the last one.
+    pub(crate) fn open(mut points: Vec<Vec2>) -> Self {
+        points.dedup_by(|a, b| a.distance(*b) < SAME_POINT);
+        Self::through(points)
+    }
+
+    fn through(points: Vec<Vec2>) -> Self {
         let mut lengths = vec![0.0];
         for pair in points.windows(2) {
             lengths.push(lengths[lengths.len() - 1] + pair[0].distance(pair[1]));
         }
-        Self { points, lengths, closed }
+        Self { points, lengths, closed: false }
     }
 
     /// Whole length in metres.

@@ -125,16 +125,31 @@ fn held_pose(moment: &Moment) -> Pose {
 ///
 /// Uses all threads of the current rayon pool; the result does not depend on their number.
 pub fn render(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: u32, quality: Quality) -> Frame {
-    draw(scene, now, before, width, height, quality, true)
+    draw(scene, now, before, width, height, quality, Outputs::All)
 }
 
 /// The picture of [`render`] alone, bit for bit: without depth, motion and the rest it takes three quarters of the time.
 pub fn render_picture(scene: &Scene, now: &Moment, width: u32, height: u32, quality: Quality) -> Picture {
-    draw(scene, now, now, width, height, quality, false).picture
+    draw(scene, now, now, width, height, quality, Outputs::PictureOnly).picture
 }
 
-/// Renders a frame; without `truth`, its picture only, and nothing of the rest is meaningful.
-fn draw(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: u32, quality: Quality, truth: bool) -> Frame {
+/// What is rendered of a frame. Of the picture only, nothing else in it is meaningful.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Outputs {
+    All,
+    PictureOnly,
+}
+
+/// Renders a frame.
+fn draw(
+    scene: &Scene,
+    now: &Moment,
+    before: &Moment,
+    width: u32,
+    height: u32,
+    quality: Quality,
+    outputs: Outputs,
+) -> Frame {
     let s = quality.samples.clamp(1, 8);
     let view = now.view(width, height);
     let pose = held_pose(now);
@@ -156,7 +171,7 @@ fn draw(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: u32, q
     }
     let triangles = project(&geometry, &view, &frustum, &pose, None);
     let (w, h) = (width as usize, height as usize);
-    let needs_centres = truth || s == 1 || !scene.emitters.is_empty();
+    let needs_centres = outputs == Outputs::All || s == 1 || !scene.emitters.is_empty();
     let centres = needs_centres.then(|| Visibility::draw(w, h, 0.0, &triangles));
     let fine = (s > 1).then(|| {
         let mut scaled = triangles;
@@ -203,7 +218,7 @@ fn draw(scene: &Scene, now: &Moment, before: &Moment, width: u32, height: u32, q
                 (light, cover) = particles.over(light, at, hit.as_ref().map_or(FAR, |h| h.view.z));
             }
             colours[x] = srgb(light);
-            if !truth {
+            if outputs == Outputs::PictureOnly {
                 continue;
             }
             depths[x] = hit.as_ref().map_or(1.0, |h| device_depth(h.view.z));

@@ -16,7 +16,7 @@ use crate::noise::{Rng, value2};
 use crate::objects::{self, Detail};
 use crate::particles::Emitter;
 use crate::placement;
-use crate::places::{self, Place};
+use crate::places::{self, Buildings};
 use crate::shadow::ShadowMap;
 use crate::terrain::{FINE, Terrain};
 
@@ -36,19 +36,25 @@ pub struct Chunk {
 }
 
 impl Chunk {
-    pub(crate) fn new(mesh: Mesh, held: bool) -> Self {
+    /// A chunk that does not move.
+    pub(crate) fn new(mesh: Mesh) -> Self {
         let (low, high) = mesh
             .positions
             .iter()
             .fold((Vec3::splat(f32::MAX), Vec3::splat(f32::MIN)), |(a, b), &p| (a.min(p), b.max(p)));
         let centre = (low + high) * 0.5;
         let radius = mesh.positions.iter().map(|p| p.distance(centre)).fold(0.0, f32::max);
-        Self { mesh, held, centre, radius, first: 0, animation: Animation::Still }
+        Self { mesh, held: false, centre, radius, first: 0, animation: Animation::Still }
     }
 
     /// A chunk that moves with time.
     pub(crate) fn animated(mesh: Mesh, animation: Animation) -> Self {
-        Self { animation, ..Self::new(mesh, false) }
+        Self { animation, ..Self::new(mesh) }
+    }
+
+    /// A chunk that is attached to the camera, in view space.
+    pub(crate) fn held_item(mesh: Mesh) -> Self {
+        Self { held: true, ..Self::new(mesh) }
     }
 
     /// Positions of the mesh's vertices at `time` seconds, in metres, in world space; a held item's are in view space and do not change.
@@ -224,7 +230,7 @@ impl Scene {
             obstacles: Vec::new(),
             objects: 0,
         };
-        let mut place = Place::default();
+        let mut place = Buildings::default();
         match family {
             Family::Forest => forest(&mut builder, &mut rng),
             Family::Sword => hillside(&mut builder, &mut rng),
@@ -236,9 +242,9 @@ impl Scene {
         let SceneBuilder { cells, plants, obstacles, objects, .. } = builder;
         let ground = TriangleMaterial { material: Material::Ground, variant: 0 };
         let mut chunks: Vec<Chunk> =
-            cells.into_values().chain(terrain.tiles(ground)).map(|mesh| Chunk::new(mesh, false)).collect();
+            cells.into_values().chain(terrain.tiles(ground)).map(|mesh| Chunk::new(mesh)).collect();
         if family == Family::Sword {
-            chunks.push(Chunk::new(objects::sword(), true));
+            chunks.push(Chunk::held_item(objects::sword()));
         }
         let wind = plants.into_iter().flat_map(BTreeMap::into_values);
         chunks.extend(wind.map(|plants| Chunk::animated(plants.mesh, Animation::Wind(plants.flexes))));

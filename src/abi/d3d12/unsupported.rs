@@ -6,7 +6,7 @@ use super::super::device::DeviceOptions;
 use super::super::requirements::{
     CAIRN_REQUIREMENT_NOT_MET, CAIRN_REQUIREMENT_PLATFORM, cairn_adapter, cairn_requirement, platform, row,
 };
-use super::super::results::{Failure, Outcome};
+use super::super::results::{AbiResult, Failure};
 use super::types::{
     AnchorTexture, FramePreparation, FrameResult, FrameStatistics, FrameTarget, RolloutStatistics, WorldOptions,
 };
@@ -23,11 +23,11 @@ pub(in crate::abi) unsafe fn of_engine(
     _: *mut c_void,
     _: *mut c_void,
     _: DeviceOptions,
-) -> Outcome<Device> {
+) -> AbiResult<Device> {
     Err(Failure::no_d3d12())
 }
 
-pub(in crate::abi) fn on_adapter(_: u64, _: DeviceOptions) -> Outcome<Device> {
+pub(in crate::abi) fn on_adapter(_: u64, _: DeviceOptions) -> AbiResult<Device> {
     Err(Failure::no_d3d12())
 }
 
@@ -35,7 +35,7 @@ pub(in crate::abi) fn device_and_queue(_: &Device) -> Option<(*mut c_void, *mut 
     None
 }
 
-pub(in crate::abi) fn set_options(_: &Device, _: &WorldOptions) -> Outcome<()> {
+pub(in crate::abi) fn set_options(_: &Device, _: &WorldOptions) -> AbiResult<()> {
     Err(Failure::no_d3d12())
 }
 
@@ -45,11 +45,11 @@ pub(in crate::abi) fn rollout_statistics(_: &WorkerStatistics) -> RolloutStatist
 
 /// # Safety
 /// None.
-pub(in crate::abi) unsafe fn read_texture(_: &Device, _: *mut c_void, _: u32) -> Outcome<Picture> {
+pub(in crate::abi) unsafe fn read_texture(_: &Device, _: *mut c_void, _: u32) -> AbiResult<Picture> {
     Err(Failure::no_d3d12())
 }
 
-pub(in crate::abi) fn anchor_texture(_: &KeptAnchor, _: u32) -> Outcome<AnchorTexture> {
+pub(in crate::abi) fn anchor_texture(_: &KeptAnchor, _: u32) -> AbiResult<AnchorTexture> {
     Err(Failure::no_d3d12())
 }
 
@@ -63,7 +63,7 @@ pub(in crate::abi) fn renderer(_: RendererOptions) -> Renderer {
     Renderer
 }
 
-pub(in crate::abi) fn prepare(_: &Renderer, _: &Presenter, _: &Device, _: &FramePreparation) -> Outcome<bool> {
+pub(in crate::abi) fn prepare(_: &Renderer, _: &Presenter, _: &Device, _: &FramePreparation) -> AbiResult<bool> {
     Err(Failure::no_d3d12())
 }
 
@@ -75,7 +75,7 @@ pub(in crate::abi) unsafe fn record(
     _: &Device,
     _: u64,
     _: &FrameTarget,
-) -> Outcome<FrameResult> {
+) -> AbiResult<FrameResult> {
     Err(Failure::no_d3d12())
 }
 
@@ -83,7 +83,7 @@ pub(in crate::abi) fn statistics(_: &Renderer, _: &Presenter, _: bool) -> Option
     Some(FrameStatistics::default())
 }
 
-pub(in crate::abi) fn release(_: &Renderer) -> Outcome<()> {
+pub(in crate::abi) fn release(_: &Renderer) -> AbiResult<()> {
     Err(Failure::no_d3d12())
 }
 

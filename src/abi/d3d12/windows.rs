@@ -10,7 +10,7 @@ use windows::core::{IUnknown, Interface};
 
 use super::super::device::{CAIRN_DEVICE_D3D12, DeviceOptions};
 use super::super::requirements::*;
-use super::super::results::{Failure, Outcome};
+use super::super::results::{AbiResult, Failure};
 use super::super::text::fixed_text;
 use super::types::{
     AnchorTexture, FenceValue, FramePreparation, FrameResult, FrameStatistics, FrameTarget, RolloutStatistics,
@@ -36,7 +36,7 @@ pub(in crate::abi) unsafe fn of_engine(
     queue: *mut c_void,
     anchors: *mut c_void,
     options: DeviceOptions,
-) -> Outcome<Device> {
+) -> AbiResult<Device> {
     // SAFETY: the caller's promise.
     let device: direct3d::ID3D12Device = unsafe { com_object(d3d12, "d3d12") }?;
     // SAFETY: the caller's promise.
@@ -50,7 +50,7 @@ pub(in crate::abi) unsafe fn of_engine(
 }
 
 /// A device on an adapter, without an engine.
-pub(in crate::abi) fn on_adapter(luid: u64, options: DeviceOptions) -> Outcome<Device> {
+pub(in crate::abi) fn on_adapter(luid: u64, options: DeviceOptions) -> AbiResult<Device> {
     Ok(directml_device(&Gpu::on_adapter(Some(luid))?, options)?.0)
 }
 
@@ -69,7 +69,7 @@ pub(in crate::abi) fn device_and_queue(device: &Device) -> Option<(*mut c_void, 
 }
 
 /// Sets the options for worlds loaded from now on.
-pub(in crate::abi) fn set_options(device: &Device, options: &WorldOptions) -> Outcome<()> {
+pub(in crate::abi) fn set_options(device: &Device, options: &WorldOptions) -> AbiResult<()> {
     let WorldOptions { deterministic, captured_passes, longest_submission } = *options;
     let options = DirectMlOptions { deterministic, captured_passes, longest_submission, ..DirectMlOptions::default() };
     Ok(device.set_directml_options(options)?)
@@ -94,7 +94,7 @@ pub(in crate::abi) fn rollout_statistics(statistics: &WorkerStatistics) -> Rollo
 ///
 /// # Safety
 /// Pointers that are not null are COM objects that live during the call.
-pub(in crate::abi) unsafe fn read_texture(device: &Device, texture: *mut c_void, state: u32) -> Outcome<Picture> {
+pub(in crate::abi) unsafe fn read_texture(device: &Device, texture: *mut c_void, state: u32) -> AbiResult<Picture> {
     let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
     // SAFETY: the caller's promise.
     let texture: direct3d::ID3D12Resource = unsafe { com_object(texture, "picture") }?;
@@ -103,7 +103,7 @@ pub(in crate::abi) unsafe fn read_texture(device: &Device, texture: *mut c_void,
 }
 
 /// A picture of an anchor on the device that made it.
-pub(in crate::abi) fn anchor_texture(anchor: &KeptAnchor, index: u32) -> Outcome<AnchorTexture> {
+pub(in crate::abi) fn anchor_texture(anchor: &KeptAnchor, index: u32) -> AbiResult<AnchorTexture> {
     let (texture, fence_point) = anchor.texture(index as usize).ok_or_else(Failure::no_d3d12)?;
     Ok(AnchorTexture { texture: texture.clone().into_raw(), guard: fence_value(fence_point) })
 }
@@ -125,7 +125,7 @@ pub(in crate::abi) fn prepare(
     presenter: &Presenter,
     device: &Device,
     preparation: &FramePreparation,
-) -> Outcome<bool> {
+) -> AbiResult<bool> {
     let FramePreparation { size, anchor_size, format, lists, pictures, latent, load, store, user } = *preparation;
     let options = PrepareOptions {
         size,
@@ -157,7 +157,7 @@ pub(in crate::abi) unsafe fn record(
     device: &Device,
     now: u64,
     to: &FrameTarget,
-) -> Outcome<FrameResult> {
+) -> AbiResult<FrameResult> {
     let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
     let list = match &to.list {
         None => None,
@@ -205,7 +205,7 @@ pub(in crate::abi) fn statistics(
 }
 
 /// Waits until all frames have run, and releases their targets.
-pub(in crate::abi) fn release(renderer: &Renderer) -> Outcome<()> {
+pub(in crate::abi) fn release(renderer: &Renderer) -> AbiResult<()> {
     Ok(renderer.release()?)
 }
 
@@ -218,7 +218,7 @@ fn fence_value(fence_point: &FencePoint) -> FenceValue {
 ///
 /// # Safety
 /// The pointer is null or a COM object that lives during the call.
-pub(in crate::abi) unsafe fn com_object<I: Interface>(pointer: *mut c_void, name: &str) -> Outcome<I> {
+pub(in crate::abi) unsafe fn com_object<I: Interface>(pointer: *mut c_void, name: &str) -> AbiResult<I> {
     // SAFETY: the caller's promise; every interface of COM starts with IUnknown, and no reference is taken.
     let unknown = unsafe { IUnknown::from_raw_borrowed(&pointer) };
     let cast = unknown.and_then(|unknown| unknown.cast().ok());

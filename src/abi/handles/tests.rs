@@ -36,7 +36,7 @@ fn new_object() -> (*mut First, Arc<AtomicBool>) {
     (insert::<First>(DropFlag(dropped.clone())).unwrap(), dropped)
 }
 
-fn code<T>(result: Outcome<T>) -> cairn_result {
+fn code<T>(result: AbiResult<T>) -> cairn_result {
     result.map_or_else(|failure| failure.code, |_| CAIRN_OK)
 }
 

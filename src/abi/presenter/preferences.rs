@@ -1,7 +1,7 @@
 //! A host's preferences for a presenter's frames: colour space and generators.
 
 use super::super::d3d12::backend::HAS_SHADERS;
-use super::super::results::{CAIRN_ERROR_UNSUPPORTED, Failure, Outcome};
+use super::super::results::{AbiResult, CAIRN_ERROR_UNSUPPORTED, Failure};
 use super::{
     CAIRN_COLOUR_HDR10, CAIRN_COLOUR_LINEAR, CAIRN_COLOUR_SCRGB, CAIRN_COLOUR_SRGB, CAIRN_PREFER_AUTO,
     CAIRN_PREFER_NEVER, CAIRN_PREFER_REQUIRE, cairn_presenter_options,
@@ -12,7 +12,7 @@ use crate::framegen::cpu::CpuGenerator;
 use crate::present::{Preference, RendererOptions};
 
 /// The colour space of frames.
-pub(super) fn colours(space: u32, white_nits: u32) -> Outcome<Colours> {
+pub(super) fn colours(space: u32, white_nits: u32) -> AbiResult<Colours> {
     let refuse = |field: &str, cause: String| Err(Failure::argument(&format!("options.{field}"), cause));
     let white = match white_nits {
         0 => 203.0,
@@ -42,7 +42,7 @@ pub(super) fn renderer_options(options: &cairn_presenter_options, colours: Colou
 }
 
 /// Checks all preferences. Returns the generator for frames in memory, if the preferences allow it, and why others make no frames there.
-pub(super) fn cpu_generator(options: &cairn_presenter_options) -> Outcome<(Option<Box<dyn FrameGenerator>>, String)> {
+pub(super) fn cpu_generator(options: &cairn_presenter_options) -> AbiResult<(Option<Box<dyn FrameGenerator>>, String)> {
     let preferences = [("fsr", options.fsr), ("shader", options.shader), ("cpu", options.cpu)];
     for (name, preference) in preferences.into_iter().chain([("upscaler", options.upscaler)]) {
         if preference > CAIRN_PREFER_NEVER {

@@ -32,7 +32,7 @@ pub(super) fn flags(of_host: u32) -> CreateFlags {
 }
 
 /// Format of frames without user interface; `None` for 0.
-pub(super) fn hudless(dxgi: u32) -> Outcome<Option<SurfaceFormat>> {
+pub(super) fn hudless(dxgi: u32) -> AbiResult<Option<SurfaceFormat>> {
     match SurfaceFormat::from_dxgi(dxgi) {
         _ if dxgi == 0 => Ok(None),
         SurfaceFormat::UNKNOWN => {

@@ -1,7 +1,7 @@
 //! Constants and structs of the swap chain interface, and checks of their ranges.
 
 use super::super::d3d12::{ID3D12Resource, check_not_null};
-use super::super::results::{Failure, Outcome};
+use super::super::results::{AbiResult, Failure};
 use super::super::structs::{describe, read, read_or_default};
 
 /// The provider that AMD's libraries and the driver prefer.
@@ -188,7 +188,7 @@ describe!(cairn_swapchain_statistics, [176], {
     generator, pacer, repeated,
 });
 
-pub(super) fn check_flags(flags: u32, known: u32, name: &str) -> Outcome<()> {
+pub(super) fn check_flags(flags: u32, known: u32, name: &str) -> AbiResult<()> {
     if flags & !known == 0 {
         return Ok(());
     }
@@ -199,7 +199,7 @@ pub(super) fn check_flags(flags: u32, known: u32, name: &str) -> Outcome<()> {
 ///
 /// # Safety
 /// `options` is null or points to as many readable bytes as its first four say.
-pub(super) unsafe fn checked_options(options: *const cairn_swapchain_options) -> Outcome<cairn_swapchain_options> {
+pub(super) unsafe fn checked_options(options: *const cairn_swapchain_options) -> AbiResult<cairn_swapchain_options> {
     // SAFETY: the caller's promise.
     let options = unsafe { read_or_default(options, "options") }?;
     let all = CAIRN_SWAPCHAIN_ASYNC
@@ -227,7 +227,7 @@ pub(super) unsafe fn checked_options(options: *const cairn_swapchain_options) ->
 const MAX_SIDE: u32 = 16_384;
 
 /// Checks what does not depend on the swap chain: flags, required textures, the render size, and that all numbers are finite.
-pub(super) fn check_frame(frame: &cairn_swapchain_frame) -> Outcome<()> {
+pub(super) fn check_frame(frame: &cairn_swapchain_frame) -> AbiResult<()> {
     check_flags(frame.flags, CAIRN_SWAPCHAIN_RESET, "frame.flags")?;
     if frame.reserved != 0 {
         return Err(Failure::argument("frame.reserved", "it must be 0"));
@@ -265,7 +265,9 @@ pub(super) fn check_frame(frame: &cairn_swapchain_frame) -> Outcome<()> {
 ///
 /// # Safety
 /// `pacing` is null or points to as many readable bytes as its first four say.
-pub(super) unsafe fn checked_pacing(pacing: *const cairn_swapchain_pacing) -> Outcome<Option<cairn_swapchain_pacing>> {
+pub(super) unsafe fn checked_pacing(
+    pacing: *const cairn_swapchain_pacing,
+) -> AbiResult<Option<cairn_swapchain_pacing>> {
     if pacing.is_null() {
         return Ok(None);
     }

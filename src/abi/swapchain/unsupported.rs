@@ -7,7 +7,7 @@ use super::{
     ID3D12Resource, IDXGIFactory, IDXGISwapChain, IDXGISwapChain4, cairn_swapchain_frame, cairn_swapchain_options,
     cairn_swapchain_pacing, cairn_swapchain_statistics,
 };
-use crate::abi::results::{Failure, Outcome};
+use crate::abi::results::{AbiResult, Failure};
 use crate::runtime::Device;
 
 /// AMD's swap chain does not exist here, so neither do its threads.
@@ -24,7 +24,7 @@ pub(super) unsafe fn wrap(
     _: &Device,
     _: &cairn_swapchain_options,
     _: &mut *mut IDXGISwapChain,
-) -> Outcome<SwapchainObject> {
+) -> AbiResult<SwapchainObject> {
     Err(Failure::no_d3d12())
 }
 
@@ -35,7 +35,7 @@ pub(super) unsafe fn create(
     _: &cairn_swapchain_options,
     _: *mut IDXGIFactory,
     _: *const DXGI_SWAP_CHAIN_DESC,
-) -> Outcome<SwapchainObject> {
+) -> AbiResult<SwapchainObject> {
     Err(Failure::no_d3d12())
 }
 
@@ -48,7 +48,7 @@ pub(super) unsafe fn create_for_window(
     _: *mut c_void,
     _: *const DXGI_SWAP_CHAIN_DESC1,
     _: *const DXGI_SWAP_CHAIN_FULLSCREEN_DESC,
-) -> Outcome<SwapchainObject> {
+) -> AbiResult<SwapchainObject> {
     Err(Failure::no_d3d12())
 }
 
@@ -67,33 +67,33 @@ impl SwapchainObject {
         &mut self,
         _: *mut ID3D12GraphicsCommandList,
         _: &cairn_swapchain_frame,
-    ) -> Outcome<()> {
+    ) -> AbiResult<()> {
         match *self {}
     }
 
     /// # Safety
     /// None.
-    pub(super) unsafe fn set_interface(&mut self, _: *mut ID3D12Resource, _: u32, _: u32) -> Outcome<()> {
+    pub(super) unsafe fn set_interface(&mut self, _: *mut ID3D12Resource, _: u32, _: u32) -> AbiResult<()> {
         match *self {}
     }
 
-    pub(super) fn set_pacing(&mut self, _: Option<&cairn_swapchain_pacing>) -> Outcome<()> {
+    pub(super) fn set_pacing(&mut self, _: Option<&cairn_swapchain_pacing>) -> AbiResult<()> {
         match *self {}
     }
 
-    pub(super) fn pause(&mut self) -> Outcome<()> {
+    pub(super) fn pause(&mut self) -> AbiResult<()> {
         match *self {}
     }
 
-    pub(super) fn wait(&mut self) -> Outcome<()> {
+    pub(super) fn wait(&mut self) -> AbiResult<()> {
         match *self {}
     }
 
-    pub(super) fn fit(&mut self) -> Outcome<()> {
+    pub(super) fn fit(&mut self) -> AbiResult<()> {
         match *self {}
     }
 
-    pub(super) fn statistics(&mut self) -> Outcome<cairn_swapchain_statistics> {
+    pub(super) fn statistics(&mut self) -> AbiResult<cairn_swapchain_statistics> {
         match *self {}
     }
 }

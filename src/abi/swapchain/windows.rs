@@ -34,7 +34,7 @@ pub(super) unsafe fn wrap(
     device: &Device,
     options: &cairn_swapchain_options,
     own: &mut *mut IDXGISwapChain,
-) -> Outcome<SwapchainObject> {
+) -> AbiResult<SwapchainObject> {
     let raw = *own;
     // SAFETY: the caller's promise.
     let mut engine_swapchain: Option<dxgi::IDXGISwapChain4> = Some(unsafe { com_object(raw.cast(), "own") }?);
@@ -61,7 +61,7 @@ pub(super) unsafe fn create(
     options: &cairn_swapchain_options,
     factory: *mut IDXGIFactory,
     description: *const DXGI_SWAP_CHAIN_DESC,
-) -> Outcome<SwapchainObject> {
+) -> AbiResult<SwapchainObject> {
     // SAFETY: the caller's promise.
     let factory: dxgi::IDXGIFactory = unsafe { com_object(factory.cast(), "factory") }?;
     // SAFETY: the caller's promise.
@@ -80,7 +80,7 @@ pub(super) unsafe fn create_for_window(
     window: *mut c_void,
     description: *const DXGI_SWAP_CHAIN_DESC1,
     fullscreen: *const DXGI_SWAP_CHAIN_FULLSCREEN_DESC,
-) -> Outcome<SwapchainObject> {
+) -> AbiResult<SwapchainObject> {
     // SAFETY: the caller's promise.
     let factory: dxgi::IDXGIFactory = unsafe { com_object(factory.cast(), "factory") }?;
     // SAFETY: the caller's promise.
@@ -98,13 +98,13 @@ pub(super) unsafe fn create_for_window(
 ///
 /// # Safety
 /// `from` is not null, and can be read if it is aligned.
-unsafe fn read_struct<T: Copy>(from: *const T, name: &str) -> Outcome<T> {
+unsafe fn read_struct<T: Copy>(from: *const T, name: &str) -> AbiResult<T> {
     check_out(from.cast_mut(), name)?;
     // SAFETY: aligned, and the caller's promise.
     Ok(unsafe { from.read() })
 }
 
-fn make(device: &Device, options: &cairn_swapchain_options, from: SwapchainSource<'_>) -> Outcome<SwapchainObject> {
+fn make(device: &Device, options: &cairn_swapchain_options, from: SwapchainSource<'_>) -> AbiResult<SwapchainObject> {
     let gpu = device.gpu().ok_or_else(Failure::no_d3d12)?;
     let options = swapchain_options(options)?;
     let library = Library::load(&LoadOptions::of_host(device.library_search()))?;
@@ -112,7 +112,7 @@ fn make(device: &Device, options: &cairn_swapchain_options, from: SwapchainSourc
     Ok(SwapchainObject { swapchain: Swapchain::new(gpu, &api, &options, from)?, _library: library })
 }
 
-fn swapchain_options(options: &cairn_swapchain_options) -> Outcome<SwapchainOptions> {
+fn swapchain_options(options: &cairn_swapchain_options) -> AbiResult<SwapchainOptions> {
     let (width, height) = (options.max_render_width, options.max_render_height);
     Ok(SwapchainOptions {
         choice: convert::choice(options.provider),
@@ -128,7 +128,7 @@ type TextureWithState = Option<(direct3d::ID3D12Resource, direct3d::D3D12_RESOUR
 
 /// # Safety
 /// A pointer that is not null is a COM object that lives during the call.
-unsafe fn texture_with_state(texture: *mut ID3D12Resource, state: u32, name: &str) -> Outcome<TextureWithState> {
+unsafe fn texture_with_state(texture: *mut ID3D12Resource, state: u32, name: &str) -> AbiResult<TextureWithState> {
     if texture.is_null() {
         return Ok(None);
     }
@@ -157,7 +157,7 @@ impl SwapchainObject {
         &mut self,
         list: *mut ID3D12GraphicsCommandList,
         frame: &cairn_swapchain_frame,
-    ) -> Outcome<()> {
+    ) -> AbiResult<()> {
         // SAFETY: the caller's promise.
         let list: direct3d::ID3D12GraphicsCommandList = unsafe { com_object(list.cast(), "list") }?;
         // SAFETY: the caller's promise.
@@ -181,7 +181,12 @@ impl SwapchainObject {
 
     /// # Safety
     /// A pointer that is not null is a COM object that lives during the call.
-    pub(super) unsafe fn set_interface(&mut self, picture: *mut ID3D12Resource, state: u32, flags: u32) -> Outcome<()> {
+    pub(super) unsafe fn set_interface(
+        &mut self,
+        picture: *mut ID3D12Resource,
+        state: u32,
+        flags: u32,
+    ) -> AbiResult<()> {
         // SAFETY: the caller's promise.
         let picture = unsafe { texture_with_state(picture, state, "picture") }?;
         let interface = resource_with_state(&picture).map(|picture| Interface {
@@ -192,7 +197,7 @@ impl SwapchainObject {
         Ok(self.swapchain.set_interface(interface)?)
     }
 
-    pub(super) fn set_pacing(&mut self, pacing: Option<&cairn_swapchain_pacing>) -> Outcome<()> {
+    pub(super) fn set_pacing(&mut self, pacing: Option<&cairn_swapchain_pacing>) -> AbiResult<()> {
         let pacing = pacing.map_or_else(Pacing::default, |pacing| Pacing {
             safety_margin_ms: pacing.safety_margin_ms,
             variance_factor: pacing.variance_factor,
@@ -202,19 +207,19 @@ impl SwapchainObject {
         Ok(self.swapchain.set_pacing(&pacing)?)
     }
 
-    pub(super) fn pause(&mut self) -> Outcome<()> {
+    pub(super) fn pause(&mut self) -> AbiResult<()> {
         Ok(self.swapchain.pause()?)
     }
 
-    pub(super) fn wait(&mut self) -> Outcome<()> {
+    pub(super) fn wait(&mut self) -> AbiResult<()> {
         Ok(self.swapchain.wait()?)
     }
 
-    pub(super) fn fit(&mut self) -> Outcome<()> {
+    pub(super) fn fit(&mut self) -> AbiResult<()> {
         Ok(self.swapchain.fit()?)
     }
 
-    pub(super) fn statistics(&mut self) -> Outcome<cairn_swapchain_statistics> {
+    pub(super) fn statistics(&mut self) -> AbiResult<cairn_swapchain_statistics> {
         let memory = self.swapchain.memory()?;
         let bytes = |usage: Option<MemoryUsage>| usage.map_or((0, 0), |usage| (usage.total, usage.aliasable));
         let ((generator_bytes, generator_aliasable_bytes), (swapchain_bytes, swapchain_aliasable_bytes)) =

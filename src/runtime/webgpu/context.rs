@@ -46,12 +46,12 @@ pub(super) struct WebGpuContext {
 /// A buffer of the host's size in bytes.
 struct Buffer {
     bytes: usize,
-    place: Place,
+    storage: Storage,
 }
 
 /// Where a buffer's contents are. A buffer moves to the adapter when a graph first needs it there: contents that are only copied elsewhere stay
 /// on the host.
-enum Place {
+enum Storage {
     Host(AlignedBuffer),
     Adapter(DeviceBuffer),
 }
@@ -82,7 +82,7 @@ struct FiniteGraph {
 }
 
 /// Contents of buffers.
-type Contents = Vec<(BufferId, Place)>;
+type Contents = Vec<(BufferId, Storage)>;
 
 impl WebGpuContext {
     pub(super) fn new(plugin: &Arc<Plugin>) -> Self {
@@ -106,9 +106,9 @@ impl WebGpuContext {
         let mut unwritten = self.unwritten.lock();
         while let Some((id, copy)) = unwritten.last() {
             match copy {
-                Place::Adapter(copy) => self.on_adapter(*id).copy_from(copy)?,
+                Storage::Adapter(copy) => self.on_adapter(*id).copy_from(copy)?,
                 // The buffer was moved to the adapter after the copy was made.
-                Place::Host(copy) => self.on_adapter(*id).write(copy.bytes())?,
+                Storage::Host(copy) => self.on_adapter(*id).write(copy.bytes())?,
             }
             unwritten.pop();
         }
@@ -118,17 +118,17 @@ impl WebGpuContext {
     /// Moves a buffer to the adapter, if it is not there.
     fn move_to_adapter(&mut self, id: BufferId) -> Result<()> {
         let buffer = &mut self.buffers[id.0];
-        if let Place::Host(contents) = &buffer.place {
-            buffer.place = Place::Adapter(DeviceBuffer::with_contents(&self.plugin, contents)?);
+        if let Storage::Host(contents) = &buffer.storage {
+            buffer.storage = Storage::Adapter(DeviceBuffer::with_contents(&self.plugin, contents)?);
         }
         Ok(())
     }
 
     /// A buffer that is on the adapter.
     fn on_adapter(&self, id: BufferId) -> &DeviceBuffer {
-        match &self.buffers[id.0].place {
-            Place::Adapter(buffer) => buffer,
-            Place::Host(_) => unreachable!("the buffer was moved before"),
+        match &self.buffers[id.0].storage {
+            Storage::Adapter(buffer) => buffer,
+            Storage::Host(_) => unreachable!("the buffer was moved before"),
         }
     }
 
@@ -137,12 +137,12 @@ impl WebGpuContext {
         self.flush_unwritten()?;
         let buffer = &mut self.buffers[to.0];
         assert_eq!(bytes.len(), buffer.bytes, "a whole buffer");
-        match &mut buffer.place {
-            Place::Host(contents) => {
+        match &mut buffer.storage {
+            Storage::Host(contents) => {
                 contents.bytes_mut()[..bytes.len()].copy_from_slice(bytes);
                 Ok(())
             }
-            Place::Adapter(buffer) => buffer.write(bytes),
+            Storage::Adapter(buffer) => buffer.write(bytes),
         }
     }
 
@@ -151,9 +151,9 @@ impl WebGpuContext {
         self.flush_unwritten()?;
         let buffer = &self.buffers[from.0];
         let mut bytes = zeroed(buffer.bytes)?;
-        match &buffer.place {
-            Place::Host(contents) => bytes.copy_from_slice(&contents.bytes()[..buffer.bytes]),
-            Place::Adapter(buffer) => buffer.read(&mut bytes)?,
+        match &buffer.storage {
+            Storage::Host(contents) => bytes.copy_from_slice(&contents.bytes()[..buffer.bytes]),
+            Storage::Adapter(buffer) => buffer.read(&mut bytes)?,
         }
         Ok(bytes)
     }
@@ -181,7 +181,7 @@ impl WebGpuContext {
         let (mut parts, mut lists) = (Vec::new(), Vec::<Vec<i64>>::new());
         let mut through_host = Contents::new();
         for (to, from, regions) in copies {
-            let on_host = |id: &BufferId| matches!(self.buffers[id.0].place, Place::Host(_));
+            let on_host = |id: &BufferId| matches!(self.buffers[id.0].storage, Storage::Host(_));
             let rows = helper_graphs::rows_of(regions, self.buffers[from.0].bytes, self.buffers[to.0].bytes);
             match rows.filter(|_| !on_host(from) && !on_host(to)) {
                 Some((shape, rows)) => {
@@ -194,7 +194,7 @@ impl WebGpuContext {
                     });
                     parts.push((*to, *from, Move { shape, lists }));
                 }
-                None => through_host.push((*to, Place::Host(self.contents_after(*to, *from, regions)?))),
+                None => through_host.push((*to, Storage::Host(self.contents_after(*to, *from, regions)?))),
             }
         }
         self.run_mover(parts, lists)?;
@@ -298,7 +298,7 @@ impl WebGpuContext {
 impl ExecutionContext for WebGpuContext {
     fn buffer(&mut self, bytes: usize) -> Result<BufferId> {
         let contents = AlignedBuffer::zeroed(DeviceBuffer::words(bytes) * WORD)?;
-        self.buffers.push(Buffer { bytes, place: Place::Host(contents) });
+        self.buffers.push(Buffer { bytes, storage: Storage::Host(contents) });
         Ok(BufferId(self.buffers.len() - 1))
     }
 
@@ -331,7 +331,7 @@ impl ExecutionContext for WebGpuContext {
         self.changes();
         if bytes.len() == self.size(to) {
             self.write_whole(to, bytes)?;
-        } else if let Place::Host(contents) = &mut self.buffers[to.0].place {
+        } else if let Storage::Host(contents) = &mut self.buffers[to.0].storage {
             contents.bytes_mut()[at..at + bytes.len()].copy_from_slice(bytes);
         } else {
             let mut contents = self.read_whole(to)?;
@@ -397,7 +397,7 @@ impl ExecutionContext for WebGpuContext {
     }
 
     fn prepare_read_picture(&mut self, from: &DecodedPicture<'_>) -> Result<()> {
-        let Place::Adapter(planes) = &self.buffers[from.planes.0].place else { return Ok(()) };
+        let Storage::Adapter(planes) = &self.buffers[from.planes.0].storage else { return Ok(()) };
         if self.pictures.as_ref().is_none_or(|pictures| !pictures.fits(from)) {
             self.pictures = Some(PictureReader::new(&self.plugin, from)?);
         }
@@ -407,7 +407,7 @@ impl ExecutionContext for WebGpuContext {
     fn read_picture(&mut self, from: &DecodedPicture<'_>, into: &mut Picture) -> Result<bool> {
         self.flush_unwritten()?;
         self.prepare_read_picture(from)?;
-        let Place::Adapter(planes) = &self.buffers[from.planes.0].place else { return Ok(false) };
+        let Storage::Adapter(planes) = &self.buffers[from.planes.0].storage else { return Ok(false) };
         let pictures = self.pictures.as_mut().expect("prepared above");
         let pixels = into.rgba_mut();
         pictures.read(from, planes, pixels)?;
@@ -426,7 +426,7 @@ impl ExecutionContext for WebGpuContext {
         self.flush_unwritten()?;
         let FiniteCheck { groups, precision, graph } = &self.finite_checks[check.0];
         let precision = *precision;
-        let on_host = |id: &BufferId| matches!(self.buffers[id.0].place, Place::Host(_));
+        let on_host = |id: &BufferId| matches!(self.buffers[id.0].storage, Storage::Host(_));
         if groups.iter().flatten().any(on_host) {
             let mut contents = |id: &BufferId| Ok(all_finite(&self.read_whole(*id)?, precision));
             for (i, group) in groups.iter().enumerate() {
@@ -461,15 +461,15 @@ impl WebGpuContext {
     fn copies_of(&self, of: &[BufferId]) -> Result<Contents> {
         self.flush_unwritten()?;
         let copy = |id: &BufferId| {
-            let place = match &self.buffers[id.0].place {
-                Place::Adapter(buffer) => Place::Adapter(buffer.duplicate()?),
-                Place::Host(contents) => {
+            let storage = match &self.buffers[id.0].storage {
+                Storage::Adapter(buffer) => Storage::Adapter(buffer.duplicate()?),
+                Storage::Host(contents) => {
                     let mut copy = AlignedBuffer::zeroed(contents.len())?;
                     copy.bytes_mut().copy_from_slice(contents.bytes());
-                    Place::Host(copy)
+                    Storage::Host(copy)
                 }
             };
-            Ok((*id, place))
+            Ok((*id, storage))
         };
         of.iter().map(copy).collect()
     }
@@ -479,12 +479,12 @@ impl WebGpuContext {
         self.changes();
         let unwritten = self.unwritten.get_mut();
         for (id, copy) in copies {
-            match (&mut self.buffers[id.0].place, copy) {
-                (Place::Host(contents), Place::Host(copy)) => {
+            match (&mut self.buffers[id.0].storage, copy) {
+                (Storage::Host(contents), Storage::Host(copy)) => {
                     contents.bytes_mut()[..copy.len()].copy_from_slice(copy.bytes());
                 }
-                (Place::Adapter(_), copy) => unwritten.push((id, copy)),
-                (Place::Host(_), Place::Adapter(_)) => unreachable!("buffers stay on the adapter"),
+                (Storage::Adapter(_), copy) => unwritten.push((id, copy)),
+                (Storage::Host(_), Storage::Adapter(_)) => unreachable!("buffers stay on the adapter"),
             }
         }
         if let Err(error) = self.flush_unwritten() {

@@ -14,7 +14,7 @@ pub(crate) struct Lock {
 }
 
 /// Where a thread that held one lock took another; `None` unless [`PLACES`] is set. Shared, since a cycle may be long.
-type Place = Option<Arc<Backtrace>>;
+type AcquisitionSite = Option<Arc<Backtrace>>;
 
 /// Environment variable with which places are recorded, which is slow and allocates.
 const PLACES: &str = "CAIRN_LOCK_ORDER_PLACES";
@@ -25,7 +25,7 @@ const NODES: usize = 1 << 12;
 
 struct Graph {
     /// Pairs of a lock and one that was taken while it was held, with the place of the first time.
-    edges: HashMap<(u64, u64), Place>,
+    edges: HashMap<(u64, u64), AcquisitionSite>,
     /// Scratch of the search: the locks that were reached, each with the position of the one before it.
     reached: Vec<(u64, usize)>,
     records_places: bool,
@@ -113,7 +113,7 @@ impl Drop for Lock {
 
 impl Graph {
     /// Adds an edge; returns the places of the cycle that it closes, if it does.
-    fn add(&mut self, before: u64, after: u64) -> Option<Vec<Place>> {
+    fn add(&mut self, before: u64, after: u64) -> Option<Vec<AcquisitionSite>> {
         if before == after {
             return Some(Vec::new());
         }
@@ -129,7 +129,7 @@ impl Graph {
     }
 
     /// Places of a path from one lock to another, the last first.
-    fn path(&mut self, from: u64, to: u64) -> Option<Vec<Place>> {
+    fn path(&mut self, from: u64, to: u64) -> Option<Vec<AcquisitionSite>> {
         let Self { edges, reached, .. } = self;
         reached.clear();
         reached.push((from, 0));
@@ -157,7 +157,7 @@ impl Graph {
 }
 
 /// Reports a cycle and ends the process: a panic could be caught.
-fn report(places: &[Place]) -> ! {
+fn report(places: &[AcquisitionSite]) -> ! {
     let mut text = format!(
         "lock order: a thread takes a lock while it holds another, which {}: this could deadlock.\n\nIt takes the lock here:\n{}\n",
         if places.is_empty() { "is the same one" } else { "was taken in the opposite order before" },

@@ -44,7 +44,7 @@ pub struct Job<'a> {
 
 /// Result. Every file is complete, and the manifest is written.
 #[derive(Debug)]
-pub struct Outcome {
+pub struct JobOutcome {
     /// As written.
     pub manifest: Manifest,
     /// The error after the first frame, if any.
@@ -58,9 +58,9 @@ pub struct Outcome {
 /// Makes a rollout.
 ///
 /// # Errors
-/// Everything that can fail before the first frame. Later failures are in [`Outcome::failure`], and the manifest then has
+/// Everything that can fail before the first frame. Later failures are in [`JobOutcome::failure`], and the manifest then has
 /// `"complete": false`.
-pub fn run(job: &Job<'_>) -> Result<Outcome> {
+pub fn run(job: &Job<'_>) -> Result<JobOutcome> {
     let began = Instant::now();
     let checked = job.settings.check()?;
     let folder = Folder::check(job.out, job.overwrite)?;
@@ -127,7 +127,7 @@ pub fn run(job: &Job<'_>) -> Result<Outcome> {
     if let Err(error) = write_manifest(job, &folder, &manifest) {
         failure = failure.or(Some(error));
     }
-    Ok(Outcome { manifest, failure, interrupted, fallback })
+    Ok(JobOutcome { manifest, failure, interrupted, fallback })
 }
 
 /// The manifest before the first frame, so that an interrupted run leaves one.

@@ -65,7 +65,7 @@ pub use device::DeviceChoice;
 pub use generator::GeneratorChoice;
 pub use inputs::Overrides;
 pub use interpolate::{FOLDER_RATE, Interpolation, MAX_MULTIPLIER, Report, interpolate};
-pub use job::{Job, Outcome, run as run_job};
+pub use job::{Job, JobOutcome, run as run_job};
 pub use machine::{AdapterVersion, LibraryVersion, Versions};
 pub use manifest::{Counts, Input, Inputs, MANIFEST_VERSION, Manifest, Output, sha256};
 pub use progress::Progress;

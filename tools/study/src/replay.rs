@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use cairn::{Error, ErrorKind, Result};
 
 use crate::inputs::Overrides;
-use crate::job::{Job, Outcome, run};
+use crate::job::{Job, JobOutcome, run};
 use crate::latents::first_difference;
 use crate::machine::Versions;
 use crate::manifest::{Input, Inputs, Manifest, Output, job_of};
@@ -139,7 +139,7 @@ fn replay_rollout(job: &Replay<'_>, beside: &Path, out: PathBuf) -> Result<Repla
     if !differences.is_empty() {
         return Ok(ReplayReport { differences, equal: 0, skipped: Vec::new(), out, interrupted: false });
     }
-    let Outcome { manifest: second, failure, interrupted, .. } = run(&Job {
+    let JobOutcome { manifest: second, failure, interrupted, .. } = run(&Job {
         settings: &settings,
         out: &out,
         overwrite: job.overwrite,

@@ -7,13 +7,13 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 /// A program's output and exit status.
-pub(crate) struct Outcome {
+pub(crate) struct ProcessOutput {
     pub(crate) status: ExitStatus,
     pub(crate) stdout: String,
     pub(crate) stderr: String,
 }
 
-impl Outcome {
+impl ProcessOutput {
     /// The last `lines` lines of its output, standard error after standard output.
     pub(crate) fn tail(&self, lines: usize) -> String {
         let all: Vec<&str> =
@@ -23,7 +23,7 @@ impl Outcome {
 }
 
 /// Runs `command` to its end without input. `tick` is called a few times per second with the last line it printed.
-pub(crate) fn run(command: &mut Command, mut tick: impl FnMut(&str)) -> std::io::Result<Outcome> {
+pub(crate) fn run(command: &mut Command, mut tick: impl FnMut(&str)) -> std::io::Result<ProcessOutput> {
     let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
     let last_line = Mutex::new(String::new());
     let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
@@ -44,7 +44,7 @@ pub(crate) fn run(command: &mut Command, mut tick: impl FnMut(&str)) -> std::io:
         }
         (out.join().unwrap_or_default(), err.join().unwrap_or_default())
     });
-    Ok(Outcome { status: child.wait()?, stdout, stderr })
+    Ok(ProcessOutput { status: child.wait()?, stdout, stderr })
 }
 
 fn collect(stream: Option<impl Read>, last_line: &Mutex<String>, _finished: mpsc::Sender<()>) -> String {

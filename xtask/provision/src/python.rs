@@ -7,7 +7,7 @@ use std::process::Command;
 use sha2::{Digest, Sha256};
 
 use crate::cache::{self, size_of};
-use crate::process::{self, Outcome};
+use crate::process::{self, ProcessOutput};
 use crate::{Error, Progress, Result, repository};
 
 /// The oldest Python that works.
@@ -134,7 +134,7 @@ pub(crate) fn pip(
     wanted: &str,
     watched: &Path,
     progress: &dyn Progress,
-) -> Result<Outcome> {
+) -> Result<ProcessOutput> {
     // pip downloads into the temporary folder first; with one of our own its growth can be watched.
     let temporary = watched.join("pip-temporary");
     fs::create_dir_all(&temporary).map_err(|e| Error::io(&temporary, &e))?;
@@ -155,7 +155,7 @@ pub(crate) fn pip(
 }
 
 /// Describes pip's failure, with the end of its output.
-fn explain(wanted: &str, outcome: &Outcome) -> Error {
+fn explain(wanted: &str, outcome: &ProcessOutput) -> Error {
     const OFFLINE: [&str; 6] = [
         "Failed to establish a new connection",
         "Temporary failure in name resolution",
@@ -352,7 +352,7 @@ mod tests {
     #[test]
     fn an_unreachable_index_and_a_missing_package_have_different_errors() {
         use std::os::unix::process::ExitStatusExt;
-        let failed = |stderr: &str| Outcome {
+        let failed = |stderr: &str| ProcessOutput {
             status: std::process::ExitStatus::from_raw(256),
             stdout: String::new(),
             stderr: stderr.to_owned(),

@@ -51,7 +51,7 @@ use crate::shell::Log;
 use crate::workspace::Workspace;
 use context::Context;
 use runners::{FIRST, GROUPS, Part, Runner, THOROUGH, parts, runners};
-use skips::Allowed;
+use skips::AllowedSkips;
 use tally::Tally;
 use thorough_record::Record;
 
@@ -65,15 +65,15 @@ struct Session<'a> {
     /// Numbers of the runners are of these.
     chosen: Vec<&'static Runner>,
     /// The skips that are allowed; none if every skip is.
-    allowed: Option<Allowed>,
+    allowed: Option<AllowedSkips>,
     /// The commit that the record of thorough parts names, if they are recorded.
     commit: Option<String>,
 }
 
 /// What a runner has found, with its log.
-struct Outcome {
+struct RunnerOutcome {
     /// Among the chosen ones.
-    place: usize,
+    index: usize,
     name: &'static str,
     tally: Tally,
     seconds: f64,
@@ -82,20 +82,20 @@ struct Outcome {
 
 impl Session<'_> {
     /// Runs those of `runners` that are chosen, one after the other.
-    fn run<'r>(&self, runners: impl IntoIterator<Item = &'r Runner>) -> Result<Vec<Outcome>, String> {
+    fn run<'r>(&self, runners: impl IntoIterator<Item = &'r Runner>) -> Result<Vec<RunnerOutcome>, String> {
         let chosen = runners.into_iter().filter_map(|runner| {
-            let place = self.chosen.iter().position(|chosen| chosen.name == runner.name)?;
-            Some(self.run_one(place))
+            let index = self.chosen.iter().position(|chosen| chosen.name == runner.name)?;
+            Some(self.run_one(index))
         });
         chosen.collect()
     }
 
-    /// Runs the runner at this place of the chosen ones.
-    fn run_one(&self, place: usize) -> Result<Outcome, String> {
-        let (runner, workspace) = (self.chosen[place], self.context.workspace);
+    /// Runs the runner at this index of the chosen ones.
+    fn run_one(&self, index: usize) -> Result<RunnerOutcome, String> {
+        let (runner, workspace) = (self.chosen[index], self.context.workspace);
         let began = Instant::now();
         let path = workspace.target.join("xtask").join(format!("{}.log", runner.name));
-        let title = format!("[{}/{}] {}: {}", place + 1, self.chosen.len(), runner.name, runner.what);
+        let title = format!("[{}/{}] {}: {}", index + 1, self.chosen.len(), runner.name, runner.what);
         let mut log = Log::new(&path, &title)?;
         let mut tally = (runner.run)(&self.context, &mut log).unwrap_or_else(Tally::broken);
         if tally.is_empty() {
@@ -116,7 +116,7 @@ impl Session<'_> {
             log.line(&format!("failed: {failure}"))?;
         }
         log.end(&format!("{}: {}", runner.name, tally.with_checks()));
-        Ok(Outcome { place, name: runner.name, tally, seconds: began.elapsed().as_secs_f64(), log: path })
+        Ok(RunnerOutcome { index, name: runner.name, tally, seconds: began.elapsed().as_secs_f64(), log: path })
     }
 }
 
@@ -147,7 +147,7 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
     }
     let must_allow = std::env::var_os("CI").is_some_and(|value| value == "true" || value == "1");
     // A mistake in the list is reported everywhere.
-    let allowed = Some(Allowed::read(&workspace.read("xtask/skips.toml")?)?).filter(|_| must_allow);
+    let allowed = Some(AllowedSkips::read(&workspace.read("xtask/skips.toml")?)?).filter(|_| must_allow);
 
     if options.filters.is_empty() {
         prefetch(workspace);
@@ -164,7 +164,7 @@ pub(crate) fn run(workspace: &Workspace, options: &TestOptions) -> Result<bool, 
     for of_one in both {
         outcomes.extend(of_one?);
     }
-    outcomes.sort_by_key(|outcome| outcome.place);
+    outcomes.sort_by_key(|outcome| outcome.index);
     outcomes.extend(session.run(parts())?);
     Ok(report(outcomes))
 }
@@ -180,14 +180,14 @@ fn chosen<'a>(all: Vec<&'a Runner>, words: &[String]) -> Vec<&'a Runner> {
 }
 
 /// Prints failures with their logs, a table of the runners, and what was skipped; returns whether nothing failed.
-fn report(outcomes: Vec<Outcome>) -> bool {
+fn report(outcomes: Vec<RunnerOutcome>) -> bool {
     for outcome in outcomes.iter().filter(|outcome| !outcome.tally.failures.is_empty()) {
         println!("{}", describe_failures(outcome));
     }
     println!("\n{:NAME_WIDTH$}{}{:>11}", "runner", Tally::column_heads(), "time");
     let mut skipped = String::new();
     let mut total = Tally::default();
-    for Outcome { name, tally, seconds, .. } in outcomes {
+    for RunnerOutcome { name, tally, seconds, .. } in outcomes {
         println!("{name:NAME_WIDTH$}{}{seconds:>9.1} s", tally.columns());
         for skip in &tally.skips {
             _ = writeln!(skipped, "  {name}: {} ({})", skip.name, skip.reason);
@@ -210,7 +210,7 @@ fn prefetch(workspace: &Workspace) {
 }
 
 /// A failed runner's whole log, and its failures.
-fn describe_failures(Outcome { name, tally, log, .. }: &Outcome) -> String {
+fn describe_failures(RunnerOutcome { name, tally, log, .. }: &RunnerOutcome) -> String {
     let output = std::fs::read_to_string(log).unwrap_or_else(|e| format!("the log is lost: {e}\n"));
     let mut text = format!("\n---- {name}: {} ----\n{output}\n", log.display());
     for failure in &tally.failures {

@@ -7,21 +7,21 @@ use super::tally::Skip;
 /// The things that a test may need and a machine may lack.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Allowed {
+pub(super) struct AllowedSkips {
     #[serde(default, rename = "need")]
-    needs: Vec<Need>,
+    needs: Vec<MissingRequirement>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Need {
+struct MissingRequirement {
     /// The word in the skip's reason, which starts with `needs <id>`.
     id: String,
     /// Why not every machine of ours can have it.
     reason: String,
 }
 
-impl Allowed {
+impl AllowedSkips {
     pub(super) fn read(text: &str) -> Result<Self, String> {
         let allowed: Self = toml::from_str(text).map_err(|e| format!("xtask/skips.toml: {e}"))?;
         match allowed.needs.iter().find(|need| need.id.trim().is_empty() || need.reason.trim().is_empty()) {
@@ -48,7 +48,7 @@ mod tests {
 
     #[test]
     fn the_committed_list_is_readable_and_covers_by_need() {
-        let allowed = Allowed::read(include_str!("../../skips.toml")).unwrap();
+        let allowed = AllowedSkips::read(include_str!("../../skips.toml")).unwrap();
         assert!(allowed.covers(&skip("needs real-gpu")));
         assert!(allowed.covers(&skip("needs amd-dlls: amd_fidelityfx_dx12.dll is not beside the library")));
         assert!(!allowed.covers(&skip("needs time")));
@@ -58,8 +58,8 @@ mod tests {
 
     #[test]
     fn an_entry_without_a_reason_is_refused() {
-        assert!(Allowed::read("[[need]]\nid = \"x\"\nreason = \" \"").is_err());
-        assert!(Allowed::read("[[need]]\nid = \"x\"").is_err());
-        assert!(Allowed::read("[[nede]]\nid = \"x\"").is_err());
+        assert!(AllowedSkips::read("[[need]]\nid = \"x\"\nreason = \" \"").is_err());
+        assert!(AllowedSkips::read("[[need]]\nid = \"x\"").is_err());
+        assert!(AllowedSkips::read("[[nede]]\nid = \"x\"").is_err());
     }
 }

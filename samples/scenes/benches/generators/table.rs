@@ -16,7 +16,7 @@ use half::f16;
 use scenes::camera::{FAR, NEAR};
 use scenes::{Clip, ClipOptions, Family, Frame, LANDSCAPES, Moment, Quality, Scene, render};
 
-type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
+type Result<T, E = Box<dyn std::error::Error>> = std::result::Result<T, E>;
 
 /// Anchors per second of world time, and moments in an interval.
 const RATE: u32 = 15;
@@ -35,7 +35,7 @@ struct BenchSettings {
 }
 
 impl BenchSettings {
-    fn from_arguments() -> Outcome<Self> {
+    fn from_arguments() -> Result<Self> {
         let arguments: Vec<String> = std::env::args().skip(1).collect();
         if !arguments.iter().any(|argument| argument == "--bench") {
             return Ok(Self { size: (96, 64), pairs: 1, families: &LANDSCAPES[..1], is_measured: false });
@@ -63,14 +63,14 @@ struct Walk {
 }
 
 impl Walk {
-    fn new(family: Family, settings: &BenchSettings) -> Outcome<Self> {
+    fn new(family: Family, settings: &BenchSettings) -> Result<Self> {
         let (width, height) = settings.size;
         let scene = Scene::new(family, SEED);
         let script = ControlScript::parse(family.script())?;
         let options = ClipOptions { width, height, rate: RATE * STEPS as u32, ..ClipOptions::default() };
         let mut walk = Clip::new(&scene, &script, options).ok_or("the rate is in range")?;
         let last = (FIRST + settings.pairs) * STEPS;
-        let moments = (0..=last).map(|_| Ok(walk.advance()?.0)).collect::<Outcome<Vec<Moment>>>()?;
+        let moments = (0..=last).map(|_| Ok(walk.advance()?.0)).collect::<Result<Vec<Moment>>>()?;
         let draw = |now: usize, before: usize| {
             render(&scene, &moments[now], &moments[before], width, height, Quality::default())
         };
@@ -87,7 +87,7 @@ impl Walk {
     }
 
     /// Motion and depth of an anchor, as an engine provides them.
-    fn guidance(&self, anchor: usize) -> Outcome<Guidance> {
+    fn guidance(&self, anchor: usize) -> Result<Guidance> {
         let frame = &self.anchors[anchor];
         let (width, height) = frame.picture.size();
         let finite = |v: f32| f16::from_f32(if v.is_finite() { v } else { 0.0 });
@@ -111,7 +111,7 @@ struct Contender {
 
 impl Contender {
     /// Frames of `size`.
-    fn new(name: &str, size: (u32, u32), mut drawer: Option<(Gpu, DeviceDrawer)>) -> Outcome<Self> {
+    fn new(name: &str, size: (u32, u32), mut drawer: Option<(Gpu, DeviceDrawer)>) -> Result<Self> {
         let options = PresenterOptions {
             interval: Some(Interval::per_second(RATE)?),
             extrapolate: false,
@@ -130,7 +130,7 @@ impl Contender {
     }
 
     /// Shows a walk's frames half way, with the scene's own motion or what is found.
-    fn show(&mut self, walk: &Walk, is_given: bool) -> Outcome<()> {
+    fn show(&mut self, walk: &Walk, is_given: bool) -> Result<()> {
         self.presenter.reset();
         let interval = 1_000_000_000 / u64::from(RATE);
         for (number, frame) in walk.anchors.iter().enumerate() {
@@ -149,7 +149,7 @@ impl Contender {
         Ok(())
     }
 
-    fn half(&mut self, now: u64, size: (u32, u32)) -> Outcome<Picture> {
+    fn half(&mut self, now: u64, size: (u32, u32)) -> Result<Picture> {
         let mut made = None;
         let shown = match &mut self.drawer {
             None => self.presenter.draw(now, size, |picture| made = Some(picture.clone()))?,
@@ -170,7 +170,7 @@ impl Contender {
     }
 }
 
-pub(crate) fn run() -> Outcome<()> {
+pub(crate) fn run() -> Result<()> {
     let settings = BenchSettings::from_arguments()?;
     let gpu = Gpu::on_adapter(None)?;
     let drawer = || DeviceDrawer::new(&gpu, settings.size, Colours::Srgb);

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{Builder, Opening, Place, Wall, plain};
+use super::{Builder, Buildings, Opening, Wall, plain};
 use crate::cast::Cast;
 use crate::material::Material;
 use crate::mesh::{Mesh, TriangleMaterial};
@@ -22,7 +22,7 @@ const ENDS: [f32; 2] = [-5.0, 44.0];
 const THICKNESS: f32 = 0.16;
 
 /// Builds the house around the origin, where the walk starts in the corridor.
-pub(crate) fn indoors(cast: Cast, rng: &mut Rng) -> Place {
+pub(crate) fn indoors(cast: Cast, rng: &mut Rng) -> Buildings {
     let mut b = Builder::new(cast);
     let [south, north] = ENDS;
     b.slab(Vec3::new(-OUTER, -0.2, south), Vec3::new(OUTER, 0.02, HALL[0]), plain(Material::Boards, 1));

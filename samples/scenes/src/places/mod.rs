@@ -11,7 +11,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 
 use glam::{Mat3, Vec2, Vec3};
 
-use crate::animation::{Animation, Body};
+use crate::animation::{Animation, RigidMotion};
 use crate::cast::Cast;
 use crate::lamp::{Lamp, Mount, Walls};
 use crate::material::Material;
@@ -21,7 +21,7 @@ use crate::scene::{Chunk, flexes};
 
 /// What is built in a scene.
 #[derive(Default)]
-pub(crate) struct Place {
+pub(crate) struct Buildings {
     pub(crate) chunks: Vec<Chunk>,
     /// Obstacles for the walker: centre (east, north) and radius, in metres.
     pub(crate) obstacles: Vec<(Vec2, f32)>,
@@ -41,7 +41,7 @@ const DOORWAY: f32 = 2.1;
 #[derive(Default)]
 struct Builder {
     parts: BTreeMap<i32, Mesh>,
-    place: Place,
+    buildings: Buildings,
     /// What moves.
     cast: Cast,
 }
@@ -110,7 +110,7 @@ impl Builder {
     /// A box that stops walkers and lamps.
     fn solid(&mut self, low: Vec3, high: Vec3, surface: TriangleMaterial) {
         self.block(low, high, surface);
-        self.place.walls.push((low, high));
+        self.buildings.walls.push((low, high));
     }
 
     /// A level slab, in parts that are culled apart.
@@ -190,21 +190,21 @@ impl Builder {
         } else {
             (Vec3::new(hinge, 0.0, wall.at), turned)
         };
-        let body = Body::Hinge { at, yaw, angle, opens, period: 7.0 };
+        let body = RigidMotion::Hinge { at, yaw, angle, opens, period: 7.0 };
         if self.cast.doors {
-            self.place.chunks.push(Chunk::animated(mesh, Animation::Rigid(body)));
+            self.buildings.chunks.push(Chunk::animated(mesh, Animation::Rigid(body)));
         } else {
             let pose = body.pose(opens - 1.2);
             let mut ajar = Mesh::default();
             ajar.add_instance(&mesh, pose.translation, pose.rotation, Vec3::ONE);
-            self.place.chunks.push(Chunk::new(ajar, false));
+            self.buildings.chunks.push(Chunk::new(ajar));
         }
-        self.place.objects += 1;
+        self.buildings.objects += 1;
     }
 
     /// A lamp at rest.
     fn lamp(&mut self, at: Vec3, light: Vec3, reach: f32) {
-        self.place.lamps.push(Lamp { mount: Mount::Fixed(at), light, reach });
+        self.buildings.lamps.push(Lamp { mount: Mount::Fixed(at), light, reach });
     }
 
     /// A thing made of boxes that stands on the floor: `parts` are corners and surfaces around the origin, turned by quarter turns.
@@ -221,9 +221,9 @@ impl Builder {
         let rotation = Mat3::from_rotation_y(quarter as f32 * FRAC_PI_2);
         self.part(at.y).add_instance(mesh, Vec3::new(at.x, 0.02, at.y), rotation, Vec3::ONE);
         if radius > 0.0 {
-            self.place.obstacles.push((at, radius));
+            self.buildings.obstacles.push((at, radius));
         }
-        self.place.objects += 1;
+        self.buildings.objects += 1;
     }
 
     /// A tree, which bends if there is wind.
@@ -233,16 +233,16 @@ impl Builder {
                 let rotation = Mat3::from_rotation_y(quarter as f32 * FRAC_PI_2);
                 let mut placed = Mesh::default();
                 placed.add_instance(mesh, Vec3::new(at.x, 0.02, at.y), rotation, Vec3::ONE);
-                self.place.chunks.push(Chunk::animated(placed, Animation::Wind(all)));
-                self.place.obstacles.push((at, 0.3));
-                self.place.objects += 1;
+                self.buildings.chunks.push(Chunk::animated(placed, Animation::Wind(all)));
+                self.buildings.obstacles.push((at, 0.3));
+                self.buildings.objects += 1;
             }
             None => self.stand(mesh, at, quarter, 0.3),
         }
     }
 
-    fn finish(mut self) -> Place {
-        self.place.chunks.extend(self.parts.into_values().map(|mesh| Chunk::new(mesh, false)));
-        self.place
+    fn finish(mut self) -> Buildings {
+        self.buildings.chunks.extend(self.parts.into_values().map(|mesh| Chunk::new(mesh)));
+        self.buildings
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{Builder, Opening, Place, Wall, plain};
+use super::{Builder, Buildings, Opening, Wall, plain};
 use crate::cast::Cast;
 use crate::material::Material;
 use crate::mesh::{Mesh, TriangleMaterial};
@@ -20,7 +20,7 @@ const DEPTH: f32 = 9.0;
 const STOREY: f32 = 3.0;
 
 /// Builds the street along north through the origin.
-pub(crate) fn town(cast: Cast, rng: &mut Rng) -> Place {
+pub(crate) fn town(cast: Cast, rng: &mut Rng) -> Buildings {
     let mut b = Builder::new(cast);
     let [south, north] = ENDS;
     b.slab(Vec3::new(-ROAD, -0.3, south), Vec3::new(ROAD, 0.02, north), plain(Material::Asphalt, 1));
@@ -156,7 +156,7 @@ fn house(b: &mut Builder, side: f32, from: f32, until: f32, rng: &mut Rng) {
     let (l, h) = (face(-0.14).min(face(0.4)), face(-0.14).max(face(0.4)));
     b.block(Vec3::new(l, height - 0.05, from), Vec3::new(h, height + 0.22, until), plain(Material::Rock, 90));
     b.block(Vec3::new(l, STOREY - 0.06, from), Vec3::new(h, STOREY + 0.06, until), plain(Material::Rock, 90));
-    b.place.objects += 1;
+    b.buildings.objects += 1;
 }
 
 /// An upper storey's wall with windows, without collision.
@@ -222,7 +222,7 @@ fn furnish(b: &mut Builder, rng: &mut Rng) {
                 0 | 1 => {
                     let mesh = car(plain(Material::Paint, (rng.bits() % 8) as u8));
                     b.stand(&mesh, Vec2::new(kerb, at), if side < 0.0 { 0 } else { 2 }, 0.0);
-                    b.place.obstacles.extend([-1.3, 0.0, 1.3].map(|z| (Vec2::new(kerb, at + z), 0.95)));
+                    b.buildings.obstacles.extend([-1.3, 0.0, 1.3].map(|z| (Vec2::new(kerb, at + z), 0.95)));
                 }
                 _ => {
                     let tree = &trees[rng.bits() as usize % trees.len()];

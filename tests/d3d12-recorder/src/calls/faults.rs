@@ -72,25 +72,25 @@ fn enter_removal() -> bool {
 }
 
 /// Return value of a hooked function.
-pub(super) trait Outcome: Sized {
+pub(super) trait ReturnValue: Sized {
     /// The failure of this call of a function, if it fails on purpose.
     fn injected(function: &str) -> Option<Self>;
 }
 
-impl Outcome for () {
+impl ReturnValue for () {
     fn injected(_: &str) -> Option<Self> {
         None
     }
 }
 
-impl Outcome for u64 {
+impl ReturnValue for u64 {
     fn injected(_: &str) -> Option<Self> {
         // A removed device's fences have the highest value.
         enter_removal().then_some(u64::MAX)
     }
 }
 
-impl Outcome for HRESULT {
+impl ReturnValue for HRESULT {
     fn injected(function: &str) -> Option<Self> {
         if !IS_ARMED.load(Ordering::SeqCst) {
             return None;

@@ -109,7 +109,7 @@ macro_rules! hooks {
                 let $original = *originals::$name.get().expect("the original function");
                 match $crate::calls::hooks::HookGuard::enter() {
                     Some(_guard) => {
-                        if let Some(failure) = $crate::calls::faults::Outcome::injected(stringify!($name)) {
+                        if let Some(failure) = $crate::calls::faults::ReturnValue::injected(stringify!($name)) {
                             return failure;
                         }
                         $body

@@ -19,13 +19,13 @@ use crate::progress::Progress;
 use crate::scene_id::SceneId;
 use measure::{Record, Strip};
 
-pub use crate::experiment::{Outcome, Settings};
+pub use crate::experiment::{ExperimentOutcome, Settings};
 
 /// Measures all cadences.
 ///
 /// # Errors
 /// An unusable world, missing weights of LPIPS, errors of making latents, and `Cancelled`.
-pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
+pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<ExperimentOutcome> {
     experiment::run(&mut Cadences { first: None }, settings, progress, stop).map(|(outcome, _)| outcome)
 }
 

@@ -30,7 +30,7 @@ use std::sync::atomic::AtomicBool;
 
 use cairn::Result;
 
-pub use crate::experiment::Outcome;
+pub use crate::experiment::ExperimentOutcome;
 pub use plan::Settings;
 
 use crate::inputs;
@@ -45,7 +45,7 @@ const REPORT: &str = "report";
 /// # Errors
 /// Errors of [`Settings::check`]; a world that cannot be run at a branch's window; a rollout that fails, with its cell named; a manifest of
 /// a newer version; `Cancelled` when `stop` was set. Complete cells are kept in every case.
-pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
+pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<ExperimentOutcome> {
     settings.check()?;
     let (bundle, _) = inputs::world(settings.world.as_deref(), progress)?;
     // Load LPIPS first: a failure must not come after hours of rollouts.
@@ -68,5 +68,5 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
     if let Some(folder) = &settings.publish {
         files.extend(report.write_compressed(folder, REPORT)?);
     }
-    Ok(Outcome { text: report.markdown, files })
+    Ok(ExperimentOutcome { text: report.markdown, files })
 }

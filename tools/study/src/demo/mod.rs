@@ -5,7 +5,7 @@ pub(crate) mod levels;
 
 use std::path::Path;
 
-use crate::job::Outcome;
+use crate::job::JobOutcome;
 use crate::output::{MANIFEST, SHEET, VIDEO};
 use crate::progress::duration;
 use crate::reconstruct::ReconstructSettings;
@@ -36,7 +36,7 @@ pub(crate) fn reconstruct() -> ReconstructSettings {
 }
 
 /// Text that lists the results and the files to open.
-pub(crate) fn summary(outcome: &Outcome, out: &Path) -> String {
+pub(crate) fn summary(outcome: &JobOutcome, out: &Path) -> String {
     let counts = outcome.manifest.counts;
     let seconds = outcome.manifest.timings.get("total").copied().unwrap_or(0.0);
     let mut text = format!(

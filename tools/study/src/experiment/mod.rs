@@ -54,7 +54,7 @@ pub struct Settings {
 
 /// Result of an experiment.
 #[derive(Debug)]
-pub struct Outcome {
+pub struct ExperimentOutcome {
     /// Summary for the terminal.
     pub text: String,
     /// Files that were written.
@@ -212,7 +212,7 @@ pub(crate) fn run<E: Experiment>(
     settings: &Settings,
     progress: &Progress,
     stop: &AtomicBool,
-) -> Result<(Outcome, Vec<E::Record>)> {
+) -> Result<(ExperimentOutcome, Vec<E::Record>)> {
     let inputs = Inputs::open(settings, progress)?;
     let point = E::point(&inputs.bundle);
     let world = inputs.load(&point)?;
@@ -243,7 +243,7 @@ pub(crate) fn run<E: Experiment>(
     if settings.publish {
         written.extend(files.publish(&[&page, &png], Some(inputs.bundle.digest()))?);
     }
-    Ok((Outcome { text: report.summary, files: written }, records))
+    Ok((ExperimentOutcome { text: report.summary, files: written }, records))
 }
 
 /// Error for an internal inconsistency.

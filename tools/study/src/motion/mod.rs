@@ -28,7 +28,7 @@ pub(crate) const TUNING: u64 = 4;
 
 /// Result of the measurement.
 #[derive(Debug)]
-pub struct Outcome {
+pub struct MotionOutcome {
     /// Summary for the terminal.
     pub text: String,
     /// Files that were written.
@@ -43,10 +43,10 @@ pub struct Outcome {
 ///
 /// # Errors
 /// An unusable world, missing weights of LPIPS, errors of making latents, and `Cancelled`.
-pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
-    let (experiment::Outcome { text, files }, records) =
+pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<MotionOutcome> {
+    let (experiment::ExperimentOutcome { text, files }, records) =
         experiment::run(&mut Motion { scale: 0.0 }, settings, progress, stop)?;
-    Ok(Outcome { text, files, best: report::best(&records), best_decoded: report::best_decoded(&records) })
+    Ok(MotionOutcome { text, files, best: report::best(&records), best_decoded: report::best_decoded(&records) })
 }
 
 /// The experiment.

@@ -163,7 +163,7 @@ fn open_lpips_of(net: Net, fetch: bool, progress: &Progress) -> Result<Lpips> {
 
 /// Result of the measurement.
 #[derive(Debug)]
-pub struct Outcome {
+pub struct QualityOutcome {
     /// Files that were written, the report first.
     pub files: Vec<PathBuf>,
     /// Verdict on each claim, one line each.
@@ -188,7 +188,7 @@ pub struct Outcome {
 ///
 /// # Errors
 /// Invalid settings, a clip that cannot be made, a full disk, a ledger that was changed. An unavailable row is no error.
-pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
+pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<QualityOutcome> {
     settings.check()?;
     let cache = provision::cache_dir().map_err(|e| not_provided(&e))?;
     let store = Store::new(cache.join("quality"), !settings.fresh);
@@ -205,7 +205,7 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
     let lpips = if plan.clips.is_empty() { Ok(None) } else { open_lpips(settings, progress) };
     let mut measured = measure::run(&plan, lpips, &store, progress, stop)?;
     if settings.sealed && measured.interrupted {
-        return Ok(Outcome {
+        return Ok(QualityOutcome {
             files: Vec::new(),
             claims: Vec::new(),
             tally: Tally::of(&[]).to_string(),
@@ -241,7 +241,7 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
         written.extend(files.publish(&[names.summary, FIGURE, names.report], digest)?);
     }
     let tally = Tally::of(&claims);
-    Ok(Outcome {
+    Ok(QualityOutcome {
         files: written,
         tally: tally.to_string(),
         missed: tally.missed,

@@ -24,7 +24,7 @@ use std::sync::atomic::AtomicBool;
 use cairn::{Error, ErrorKind, Result};
 use serde::Serialize;
 
-pub use crate::experiment::Outcome;
+pub use crate::experiment::ExperimentOutcome;
 pub use plan::Settings;
 
 use crate::compare::budget::budget;
@@ -70,7 +70,7 @@ struct JobEntry<'a> {
 /// # Errors
 /// A world that does not support the settings; a rollout that fails, with its name; a manifest of a newer version; `Io`; `Cancelled` when `stop`
 /// was set. Complete cells are kept in every case.
-pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
+pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<ExperimentOutcome> {
     let (bundle, _) = inputs::world(settings.world.as_deref(), progress)?;
     let shared = SweepInputs::new(settings, &bundle, progress)?;
     // Load LPIPS first: a failure must not come after hours of rollouts.
@@ -97,7 +97,7 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
         write_whole(&RealDisk, &table, report::csv(&found).as_bytes())?;
         files.push(table);
     }
-    Ok(Outcome { text: document.markdown, files })
+    Ok(ExperimentOutcome { text: document.markdown, files })
 }
 
 /// All jobs as JSON, with which of them are complete. Makes only seed pictures and scripts.

@@ -2,15 +2,15 @@
 
 use super::discrepancy::{discrepancy, median_distance};
 use super::endurance::{self, Second, second};
-use super::place::{Group, Place, kind};
+use super::place::{Group, TestWalk, kind};
 use super::response::{Axis, ControlFit, control_fit};
 use super::walk::{Horizon, PoseScore, Sample, Shown, WalkScores};
 use crate::statistics::{Estimate, estimate, estimate_median, estimate_share};
 
 /// Measurements of one walk.
 #[derive(Debug, Clone)]
-pub(super) struct PlaceResult {
-    pub(super) place: Place,
+pub(super) struct WalkResult {
+    pub(super) place: TestWalk,
     pub(super) walked: WalkScores,
     /// Pictures at the walk's horizons.
     pub(super) shown: Shown,
@@ -38,7 +38,7 @@ impl Row {
         }
     }
 
-    fn has(self, place: Place) -> bool {
+    fn has(self, place: TestWalk) -> bool {
         match self {
             Self::Group(group) => place.group() == group,
             Self::Levels => place.group() != Group::Unseen,
@@ -48,12 +48,12 @@ impl Row {
 
 /// All walks, and their latents in a second.
 pub(super) struct Results {
-    pub(super) all: Vec<PlaceResult>,
+    pub(super) all: Vec<WalkResult>,
     pub(super) latents_per_second: u32,
 }
 
 impl Results {
-    fn of(&self, row: Row) -> impl Iterator<Item = &PlaceResult> + Clone {
+    fn of(&self, row: Row) -> impl Iterator<Item = &WalkResult> + Clone {
         self.all.iter().filter(move |result| row.has(result.place))
     }
 
@@ -134,9 +134,9 @@ impl Results {
 
     /// Discrepancy of the true pictures of another walk of the same level from a walk's own, over the same seconds: the next walk's, in turn.
     pub(super) fn discrepancy_of_walks(&self, row: Row, end: u32) -> Option<Estimate> {
-        let own: Vec<&PlaceResult> = self.of(row).collect();
+        let own: Vec<&WalkResult> = self.of(row).collect();
         let found = own.iter().filter_map(|result| {
-            let level: Vec<&PlaceResult> =
+            let level: Vec<&WalkResult> =
                 own.iter().copied().filter(|o| o.place.group() == result.place.group()).collect();
             let position = level.iter().position(|other| other.place == result.place)?;
             let other = level[(position + 1) % level.len()];
@@ -226,12 +226,12 @@ pub(super) fn show_mean(estimate: Option<Estimate>, digits: usize) -> String {
 
 /// The walks that a sheet shows: `[best, worst]`, ranked by PSNR gain over repeating the last true picture. At most half of all walks and at most
 /// `most` each.
-pub(super) fn extremes(results: &[PlaceResult], most: usize) -> [Vec<&PlaceResult>; 2] {
-    let gain = |result: &PlaceResult| {
+pub(super) fn extremes(results: &[WalkResult], most: usize) -> [Vec<&WalkResult>; 2] {
+    let gain = |result: &WalkResult| {
         let gains: Vec<f64> = result.walked.horizons.iter().map(|h| h.world.psnr - h.repeat.psnr).collect();
         gains.iter().sum::<f64>() / gains.len().max(1) as f64
     };
-    let mut ranked: Vec<&PlaceResult> = results.iter().collect();
+    let mut ranked: Vec<&WalkResult> = results.iter().collect();
     ranked.sort_by(|a, b| gain(b).total_cmp(&gain(a)));
     let (best, worst) = (ranked.len().div_ceil(2).min(most), (ranked.len() / 2).min(most));
     [ranked[..best].to_vec(), ranked.iter().rev().take(worst).copied().collect()]

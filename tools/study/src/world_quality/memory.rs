@@ -7,7 +7,7 @@ use cairn::{Picture, Result};
 use scenes::TURN_PER_COUNT;
 use serde::{Deserialize, Serialize};
 
-use super::place::{Course, Place};
+use super::place::{Course, TestWalk};
 use super::walk::{Tools, begin, picture_of, step, step_at};
 use crate::level::{HELD_OUT_WALKS, held_out_walk};
 use crate::metrics::{psnr, ssim};
@@ -53,7 +53,7 @@ fn script(away: f64) -> Result<ControlScript> {
 /// # Errors
 /// As [`score`](super::walk::score).
 pub(super) fn turn_away_and_back(
-    place: Place,
+    place: TestWalk,
     course: &Course,
     away: &[f64],
     world: &Arc<World>,
@@ -114,8 +114,8 @@ fn greatest(mut values: impl Iterator<Item = Result<f64>>) -> Result<f64> {
 }
 
 /// First true pictures of the level's other held-out walks; none for a place that is no level.
-fn other_starts(place: Place, course: &Course, size: (u32, u32)) -> Result<Vec<Picture>> {
-    let Place::Level(family, number) = place else { return Ok(Vec::new()) };
+fn other_starts(place: TestWalk, course: &Course, size: (u32, u32)) -> Result<Vec<Picture>> {
+    let TestWalk::Level(family, number) = place else { return Ok(Vec::new()) };
     let mut pictures = Vec::new();
     for other in (0..HELD_OUT_WALKS).filter(|other| *other != number) {
         let start = held_out_walk(family, other)?.start;
@@ -149,10 +149,10 @@ mod tests {
     #[test]
     fn other_places_are_the_other_starts_of_the_level() {
         // Walks 5 and 6 through the snow both start at the origin.
-        let starts = |place: Place| other_starts(place, &place.course().unwrap(), (32, 18)).unwrap();
-        assert_eq!(starts(Place::Level(Family::Snow, 5)).len(), 6);
-        let others = starts(Place::Level(Family::Snow, 0));
+        let starts = |place: TestWalk| other_starts(place, &place.course().unwrap(), (32, 18)).unwrap();
+        assert_eq!(starts(TestWalk::Level(Family::Snow, 5)).len(), 6);
+        let others = starts(TestWalk::Level(Family::Snow, 0));
         assert!(others.len() == 7 && others[0] != others[1]);
-        assert!(starts(Place::Unseen(Family::Snow, 41)).is_empty());
+        assert!(starts(TestWalk::Unseen(Family::Snow, 41)).is_empty());
     }
 }

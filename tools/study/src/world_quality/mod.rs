@@ -32,13 +32,13 @@ use crate::experiment::files::Files;
 use crate::experiment::{self, Inputs, seed_list};
 use crate::level::{self, HELD_OUT_SECONDS, HELD_OUT_WALKS};
 use crate::progress::Progress;
-use figures::{PlaceResult, Results};
+use figures::{Results, WalkResult};
 use media::encode_small_png;
-use place::Place;
+use place::TestWalk;
 use store::Store;
 use walk::{Judges, Tools};
 
-pub use crate::experiment::Outcome;
+pub use crate::experiment::ExperimentOutcome;
 
 /// Scene seeds of the places that were never seen.
 const SEEDS: [u64; 2] = [41, 42];
@@ -100,9 +100,9 @@ impl Settings {
     }
 
     /// Seconds turned away in the memory test of a place.
-    fn away(&self, place: Place) -> &'static [f64] {
+    fn away(&self, place: TestWalk) -> &'static [f64] {
         match place {
-            Place::Level(_, number) if number < self.looks_away => {
+            TestWalk::Level(_, number) if number < self.looks_away => {
                 &AWAY[..if self.common.quick { 1 } else { AWAY.len() }]
             }
             _ => &[],
@@ -114,7 +114,7 @@ impl Settings {
 ///
 /// # Errors
 /// Invalid settings, an unusable world, missing weights of LPIPS, errors of making latents; `Cancelled` when `stop` was set.
-pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
+pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<ExperimentOutcome> {
     settings.check()?;
     let inputs = Inputs::open(&settings.common, progress)?;
     let (bundle, lpips) = (&inputs.bundle, inputs.lpips.as_ref());
@@ -126,11 +126,11 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
 
     let (mut judges, mut world) = (None, None);
     let mut results = Vec::new();
-    for place in Place::all(settings.walks(), settings.common.seeds(&SEEDS)) {
+    for place in TestWalk::all(settings.walks(), settings.common.seeds(&SEEDS)) {
         let seconds = match place {
-            Place::Level(..) => settings.seconds(),
+            TestWalk::Level(..) => settings.seconds(),
             // The scripts of the scenes are this long.
-            Place::Unseen(..) => settings.seconds().min(SECONDS),
+            TestWalk::Unseen(..) => settings.seconds().min(SECONDS),
         };
         let measured = [
             format!("world {:?}", bundle.digest()),
@@ -161,7 +161,7 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
                 (walked, shown)
             }
         };
-        results.push(PlaceResult { place, walked, shown });
+        results.push(WalkResult { place, walked, shown });
     }
 
     let results = Results { all: results, latents_per_second: point.latents_per_second };
@@ -179,7 +179,7 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
     if settings.common.publish {
         files.extend(page::publish(&settings.command(), &text, [&good, &bad], bundle.digest())?);
     }
-    Ok(Outcome { text, files })
+    Ok(ExperimentOutcome { text, files })
 }
 
 /// The context window: `wanted` if the world declares it, otherwise the world's own.
@@ -243,8 +243,8 @@ mod tests {
     #[test]
     fn looks_away_are_those_of_the_first_walks() {
         let settings = settings();
-        assert_eq!(settings.away(Place::Level(Family::Snow, 0)), AWAY);
-        assert!(settings.away(Place::Level(Family::Snow, 1)).is_empty());
-        assert!(settings.away(Place::Unseen(Family::Snow, 41)).is_empty());
+        assert_eq!(settings.away(TestWalk::Level(Family::Snow, 0)), AWAY);
+        assert!(settings.away(TestWalk::Level(Family::Snow, 1)).is_empty());
+        assert!(settings.away(TestWalk::Unseen(Family::Snow, 41)).is_empty());
     }
 }

@@ -35,7 +35,7 @@ impl Group {
 
 /// One walk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum TestWalk {
     /// A held-out walk through a level, by its number.
     Level(Family, u32),
     /// A scene that no world was trained on, by its seed, with the script that was written for its family.
@@ -47,7 +47,7 @@ pub(super) fn kind(family: Family) -> usize {
     LANDSCAPES.iter().position(|other| *other == family).unwrap_or(LANDSCAPES.len())
 }
 
-impl Place {
+impl TestWalk {
     /// `walks` held-out walks of each level and as many scenes that were never seen, one of each family for each seed in turn. The first walks of
     /// all come first, so that those that were made can be shown at any time.
     pub(super) fn all(walks: u32, seeds: &[u64]) -> Vec<Self> {
@@ -100,7 +100,7 @@ impl Place {
     }
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for TestWalk {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Level(family, number) => write!(f, "{family} {number}"),
@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn the_first_walk_of_every_row_comes_before_the_second() {
-        let all = Place::all(2, &[41, 42]);
+        let all = TestWalk::all(2, &[41, 42]);
         let names: Vec<String> = all.iter().map(|place| place.key()).collect();
         assert_eq!(
             names,
@@ -175,8 +175,8 @@ mod tests {
                 "unseen-sword-41"
             ]
         );
-        assert_eq!(all[..5], Place::all(1, &[41]));
-        assert_eq!(Place::all(8, &[41, 42]).last(), Some(&Place::Unseen(Family::Snow, 42)));
+        assert_eq!(all[..5], TestWalk::all(1, &[41]));
+        assert_eq!(TestWalk::all(8, &[41, 42]).last(), Some(&TestWalk::Unseen(Family::Snow, 42)));
         assert_eq!(Group::all().map(Group::name).collect::<Vec<_>>(), ["forest", "sword", "desert", "snow", "unseen"]);
     }
 }

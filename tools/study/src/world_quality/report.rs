@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::figures::{PlaceResult, Results, Row, extremes, show, show_mean};
+use super::figures::{Results, Row, WalkResult, extremes, show, show_mean};
 use super::place::Group;
 use super::response::{Axis, standing_speed};
 use super::sheet::SHOWN;
@@ -450,7 +450,7 @@ fn controls(results: &Results) -> String {
 }
 
 fn ranking(results: &Results) -> String {
-    let names = |results: &[&PlaceResult]| results.iter().map(|r| r.place.to_string()).collect::<Vec<_>>().join(", ");
+    let names = |results: &[&WalkResult]| results.iter().map(|r| r.place.to_string()).collect::<Vec<_>>().join(", ");
     let [best, worst] = extremes(&results.all, SHOWN);
     format!("best: {}\nworst: {}\n", names(&best), names(&worst))
 }
@@ -479,16 +479,16 @@ mod tests {
 
     use super::*;
     use crate::world_quality::endurance::PictureStatistics;
-    use crate::world_quality::place::{Place, Recognised};
-    use crate::world_quality::response::{Flow, Response};
+    use crate::world_quality::place::{Recognised, TestWalk};
+    use crate::world_quality::response::{MeanMotion, Response};
     use crate::world_quality::walk::{PoseScore, Sample, WalkScores};
 
     /// A second of a walk whose pictures have the given detail, where the truth has 5, and half of which are taken for snow.
-    fn walk(place: Place, detail: f64) -> PlaceResult {
+    fn walk(place: TestWalk, detail: f64) -> WalkResult {
         let look =
             |detail: f64| PictureStatistics { brightness: 100.0, colour: [90.0, 100.0, 110.0], contrast: 20.0, detail };
         let score = |psnr: f64| Score { psnr, ssim: 0.5, lpips: Some(1.0 - psnr / 100.0) };
-        let flow = |turn: f64| Flow { mean: [turn, 0.0], expansion: 0.0, speed: turn.abs() };
+        let flow = |turn: f64| MeanMotion { mean: [turn, 0.0], expansion: 0.0, speed: turn.abs() };
         let turns = [1.0, -2.0, 3.0, -4.0, 0.0].into_iter().cycle().take(15);
         let sample = |step: u64| Sample {
             step,
@@ -518,11 +518,11 @@ mod tests {
             }],
             ..WalkScores::empty(look(5.0))
         };
-        PlaceResult { place, walked, shown: Vec::new() }
+        WalkResult { place, walked, shown: Vec::new() }
     }
 
     fn results(details: [f64; 2]) -> Results {
-        let all = (0..).zip(details).map(|(number, detail)| walk(Place::Level(Family::Snow, number), detail));
+        let all = (0..).zip(details).map(|(number, detail)| walk(TestWalk::Level(Family::Snow, number), detail));
         Results { all: all.collect(), latents_per_second: 15 }
     }
 

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// Mean motion of one latent step, in render pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(super) struct Flow {
+pub(super) struct MeanMotion {
     /// Right and down, from the current picture to the previous one.
     pub(super) mean: [f64; 2],
     /// Away from the picture's centre, from the previous picture to the current one: positive when walking ahead.
@@ -13,7 +13,7 @@ pub(super) struct Flow {
     pub(super) speed: f64,
 }
 
-impl Flow {
+impl MeanMotion {
     /// Means over all pixels' motions, row by row, each from the current picture to the previous one; values that are not finite are left out.
     pub(super) fn new(motions: impl Iterator<Item = [f64; 2]>, (width, height): (u32, u32)) -> Self {
         let (mut sum, mut expansion, mut speed, mut count) = ([0.0; 2], 0.0, 0.0, 0_u32);
@@ -35,9 +35,9 @@ impl Flow {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct Response {
     /// Optical flow of the world's pictures.
-    pub(super) seen: Flow,
+    pub(super) seen: MeanMotion,
     /// Exact motion of the scene.
-    pub(super) meant: Flow,
+    pub(super) meant: MeanMotion,
 }
 
 /// A component of the motion, which one kind of control causes.
@@ -52,7 +52,7 @@ pub(super) enum Axis {
 }
 
 impl Axis {
-    fn of(self, flow: &Flow) -> f64 {
+    fn of(self, flow: &MeanMotion) -> f64 {
         match self {
             Self::Turning => flow.mean[0],
             Self::Tilting => flow.mean[1],
@@ -109,8 +109,8 @@ pub(super) fn standing_speed(steps: &[Response]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    fn flow(turn: f64) -> Flow {
-        Flow { mean: [turn, 0.0], expansion: 0.0, speed: turn.abs() }
+    fn flow(turn: f64) -> MeanMotion {
+        MeanMotion { mean: [turn, 0.0], expansion: 0.0, speed: turn.abs() }
     }
 
     fn steps(pairs: &[(f64, f64)]) -> Vec<Response> {
@@ -146,9 +146,9 @@ mod tests {
     #[test]
     fn what_is_behind_the_eye_does_not_count() {
         let nan = [f64::NAN, 0.0];
-        let of = |motions: [[f64; 2]; 3]| Flow::new(motions.into_iter(), (3, 1));
+        let of = |motions: [[f64; 2]; 3]| MeanMotion::new(motions.into_iter(), (3, 1));
         assert_eq!(of([[1.0, 2.0], nan, [3.0, 4.0]]).mean, [2.0, 3.0]);
-        assert_eq!(of([nan; 3]), Flow { mean: [0.0; 2], expansion: 0.0, speed: 0.0 });
+        assert_eq!(of([nan; 3]), MeanMotion { mean: [0.0; 2], expansion: 0.0, speed: 0.0 });
     }
 
     #[test]
@@ -156,7 +156,7 @@ mod tests {
         // Motion points to the previous picture: towards the centre while walking ahead.
         let of = |motion: fn(f64, f64) -> [f64; 2]| {
             let centred = |i: u32| [f64::from(i % 8) - 3.5, f64::from(i / 8) - 3.5];
-            Flow::new((0..64).map(|i| motion(centred(i)[0], centred(i)[1])), (8, 8))
+            MeanMotion::new((0..64).map(|i| motion(centred(i)[0], centred(i)[1])), (8, 8))
         };
         let ahead = of(|x, y| [-0.1 * x, -0.1 * y]);
         assert!(ahead.expansion > 0.2 && ahead.mean.iter().all(|m| m.abs() < 1e-9), "{ahead:?}");

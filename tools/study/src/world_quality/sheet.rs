@@ -2,7 +2,7 @@
 
 use cairn::{Picture, Result};
 
-use super::figures::PlaceResult;
+use super::figures::WalkResult;
 use crate::picture::{canvas, paste, shrink};
 use crate::text::{SMALL, fit, write};
 
@@ -16,7 +16,7 @@ const GROUND: [u8; 3] = [24, 26, 30];
 const BRIGHT: [u8; 3] = [235, 235, 230];
 
 /// Sheet with a column per horizon and two rows per walk, truth above the world's pictures, in the given order.
-pub(super) fn draw(results: &[&PlaceResult]) -> Result<Picture> {
+pub(super) fn draw(results: &[&WalkResult]) -> Result<Picture> {
     let columns = results.iter().map(|p| p.shown.len()).max().unwrap_or(0).max(1) as u32;
     let rows = 2 * results.len().max(1) as u32;
     let mut sheet = canvas((LEFT + columns * (TILE.0 + GAP) + GAP, TOP + rows * (TILE.1 + GAP)), GROUND)?;

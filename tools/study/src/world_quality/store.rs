@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use cairn::{Picture, Result};
 
-use super::place::Place;
+use super::place::TestWalk;
 use super::walk::{Shown, WalkScores};
 use crate::experiment::result_cache::{ResultCache, read};
 use crate::picture::{decode, paste};
@@ -26,7 +26,7 @@ impl Store {
     ///
     /// # Errors
     /// `Io`.
-    pub(super) fn find(&self, place: Place) -> Result<Option<(WalkScores, Shown)>> {
+    pub(super) fn find(&self, place: TestWalk) -> Result<Option<(WalkScores, Shown)>> {
         let name = place.key();
         let (Some(scores), Some(picture)) = (self.0.find::<WalkScores>(&name)?, read(&self.0.path(&name, "png"))?)
         else {
@@ -40,7 +40,7 @@ impl Store {
     ///
     /// # Errors
     /// `Io`.
-    pub(super) fn keep(&self, place: Place, scores: &WalkScores, shown: &Shown) -> Result<()> {
+    pub(super) fn keep(&self, place: TestWalk, scores: &WalkScores, shown: &Shown) -> Result<()> {
         let name = place.key();
         let picture = (self.0.path(&name, "png"), encode_png(&strip(shown)?)?);
         self.0.store(&name, scores, vec![picture])
@@ -99,7 +99,7 @@ mod tests {
         let horizon = |seconds| Horizon { seconds, world: score, repeat: score, reconstruction: score };
         let scores = WalkScores { horizons: vec![horizon(0.5), horizon(1.0)], ..WalkScores::empty(still) };
         let shown: Shown = vec![[picture(1), picture(2)], [picture(3), picture(4)]];
-        let (place, other) = (Place::Level(Family::Snow, 3), Place::Unseen(Family::Snow, 3));
+        let (place, other) = (TestWalk::Level(Family::Snow, 3), TestWalk::Unseen(Family::Snow, 3));
         let first = store(&["world", "60 s"]);
         assert!(first.find(place).unwrap().is_none());
         first.keep(place, &scores, &shown).unwrap();

@@ -14,9 +14,9 @@ use serde::{Deserialize, Serialize};
 use super::endurance::PictureStatistics;
 use super::gallery::{Gallery, PATCH_COUNT, Pose, SIZE, patch};
 use super::memory::MemoryScore;
-use super::place::{Course, Place, Recognised, kind};
+use super::place::{Course, Recognised, TestWalk, kind};
 use super::probe::Probe;
-use super::response::{Flow, Response};
+use super::response::{MeanMotion, Response};
 use crate::metrics::{Lpips, Score};
 use crate::picture::shrink;
 use crate::progress::{Progress, check_stop};
@@ -155,12 +155,12 @@ impl Judges {
     }
 
     /// What a picture of `place` is taken for; `None` without classifiers.
-    fn recognise(&self, place: Place, picture: &Picture, lpips: Option<&Lpips>) -> Result<Option<Recognised>> {
+    fn recognise(&self, place: TestWalk, picture: &Picture, lpips: Option<&Lpips>) -> Result<Option<Recognised>> {
         let (Some((kinds, patches)), Some(lpips)) = (&self.probes, lpips) else { return Ok(None) };
         let features = lpips.channel_means(&shrink(picture, SIZE)?)?;
         let patch = match place {
-            Place::Level(family, _) => patches[kind(family)].classify(&features),
-            Place::Unseen(..) => 0,
+            TestWalk::Level(family, _) => patches[kind(family)].classify(&features),
+            TestWalk::Unseen(..) => 0,
         };
         Ok(Some(Recognised { kind: kinds.classify(&features), patch }))
     }
@@ -178,7 +178,7 @@ fn pose_of(moment: &Moment) -> Pose {
 }
 
 /// A rollout of a walk that starts from its first picture.
-pub(super) fn begin(place: Place, first: &Picture, world: &Arc<World>, point: &OperatingPoint) -> Result<Rollout> {
+pub(super) fn begin(place: TestWalk, first: &Picture, world: &Arc<World>, point: &OperatingPoint) -> Result<Rollout> {
     let mut rollout = Rollout::new(world, point, place.noise())?;
     rollout.append(first)?;
     Ok(rollout)
@@ -203,7 +203,7 @@ pub(super) fn step(rollout: &mut Rollout, script: &ControlScript, point: &Operat
 /// # Errors
 /// Errors of making latents; `Cancelled` when `tools.stop` was set.
 pub(super) fn score(
-    place: Place,
+    place: TestWalk,
     course: &Course,
     seconds: f64,
     world: &Arc<World>,
@@ -247,7 +247,7 @@ pub(super) fn score(
         flow.extract(&before, &picture, &mut guidance)?;
         let seen = guidance.motion().vectors().iter().map(|[x, y]| [f64::from(x.to_f32()), f64::from(y.to_f32())]);
         let meant = motion.iter().map(|m| [f64::from(m.x), f64::from(m.y)]);
-        walked.responses.push(Response { seen: Flow::new(seen, size), meant: Flow::new(meant, size) });
+        walked.responses.push(Response { seen: MeanMotion::new(seen, size), meant: MeanMotion::new(meant, size) });
         walked.statistics.push([&picture, &true_picture].map(PictureStatistics::of));
         if q.is_multiple_of(SAMPLING)
             && let Some(lpips) = lpips
@@ -267,8 +267,8 @@ pub(super) fn score(
             shown.push([true_picture.clone(), picture.clone()]);
         }
         let gallery = match place {
-            Place::Level(family, _) => Some(&tools.judges.galleries[kind(family)]),
-            Place::Unseen(..) => None,
+            TestWalk::Level(family, _) => Some(&tools.judges.galleries[kind(family)]),
+            TestWalk::Unseen(..) => None,
         };
         if let (Some(gallery), Some(&seconds)) = (gallery, POSE_HORIZONS.iter().find(|horizon| is_at(horizon, q))) {
             let [made, real] = [&picture, &true_picture].map(|picture| {
@@ -293,7 +293,7 @@ fn compare_psnr(truth: &Picture, picture: &Picture) -> Result<f64> {
 /// # Errors
 /// As [`score`].
 pub(super) fn scores_alone(
-    place: Place,
+    place: TestWalk,
     course: &Course,
     seconds: f64,
     world: &Arc<World>,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use media::{FileSystem, RealDisk};
-use study::{Formats, Job, Manifest, Outcome, Progress, Settings, run_job};
+use study::{Formats, Job, JobOutcome, Manifest, Progress, Settings, run_job};
 
 /// The random world `tiny`, an absolute path.
 pub fn tiny() -> PathBuf {
@@ -35,7 +35,7 @@ pub fn short() -> Settings {
 }
 
 /// Makes a rollout on the computer's own disk.
-pub fn make(settings: &Settings, out: &Path) -> Outcome {
+pub fn make(settings: &Settings, out: &Path) -> JobOutcome {
     make_on(Arc::new(RealDisk), &AtomicBool::new(false), settings, out).unwrap_or_else(|e| panic!("{e}"))
 }
 
@@ -44,7 +44,7 @@ pub fn make_on(
     stop: &AtomicBool,
     settings: &Settings,
     out: &Path,
-) -> cairn::Result<Outcome> {
+) -> cairn::Result<JobOutcome> {
     run_job(&Job { settings, out, overwrite: false, disk, stop, progress: &Progress::quiet(), limit: None })
 }
 

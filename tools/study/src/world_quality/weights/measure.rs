@@ -7,7 +7,7 @@ use cairn::{Picture, Result};
 use serde::{Deserialize, Serialize};
 
 use super::super::endurance::PictureStatistics;
-use super::super::place::{Course, Place};
+use super::super::place::{Course, TestWalk};
 use super::super::walk::{begin, picture_of, step, step_at};
 use crate::metrics::{Lpips, Score};
 use crate::statistics::mean;
@@ -93,7 +93,7 @@ impl Truth {
 /// # Errors
 /// Errors of making latents, and of `on_latent`.
 pub(super) fn rollout(
-    place: Place,
+    place: TestWalk,
     course: &Course,
     walk: &Walk,
     world: &Arc<World>,

@@ -18,8 +18,8 @@ use cairn::{Error, ErrorKind, Result};
 use rayon::ThreadPoolBuilder;
 use rayon::prelude::*;
 
-use super::place::Place;
-use crate::experiment::Outcome;
+use super::place::TestWalk;
+use crate::experiment::ExperimentOutcome;
 use crate::experiment::files::{Files, docs, write_all};
 use crate::experiment::provenance::stamped;
 use crate::experiment::result_cache::ResultCache;
@@ -110,12 +110,12 @@ struct Measured {
 /// # Errors
 /// Invalid settings, an unusable world, worlds of other geometries, missing weights of LPIPS, errors of making latents; `Cancelled` when `stop` was
 /// set.
-pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<Outcome> {
+pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Result<ExperimentOutcome> {
     settings.check()?;
     let lpips = settings.lpips.then(|| inputs::lpips(Net::Alex, progress)).transpose()?;
     let inputs = inputs(settings, progress)?;
     let (worlds, point) = (&inputs.worlds, &inputs.point);
-    let places = Place::all(settings.walks, &[]);
+    let places = TestWalk::all(settings.walks, &[]);
     let measured = measure_all(settings, &places, &inputs, lpips.as_ref(), progress, stop)?;
 
     let names: Vec<&str> = worlds.iter().map(|world| world.name.as_str()).collect();
@@ -130,7 +130,7 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
         let page = stamped(&page, Some(worlds[0].bundle.digest())).into_bytes();
         files.extend(write_all(vec![(docs().join("weights.md"), page)])?);
     }
-    Ok(Outcome { text, files })
+    Ok(ExperimentOutcome { text, files })
 }
 
 /// Loads all worlds.
@@ -174,7 +174,7 @@ fn inputs(settings: &Settings, progress: &Progress) -> Result<Inputs> {
 /// Measures all walks, `settings.jobs` at a time.
 fn measure_all(
     settings: &Settings,
-    places: &[Place],
+    places: &[TestWalk],
     inputs: &Inputs,
     lpips: Option<&Lpips>,
     progress: &Progress,
@@ -190,7 +190,7 @@ fn measure_all(
         // Another walk's failure ends this one too.
         check_stop(&has_failed)
     };
-    let one = |place: Place| -> Result<Measured> {
+    let one = |place: TestWalk| -> Result<Measured> {
         let course = place.course()?;
         let walk = Walk::new(&course, worlds[0].world.render_size(), point, settings.seconds, lpips, &proceed)?;
         let rollout = |compared: &ComparedWorld| {
@@ -214,7 +214,7 @@ fn measure_all(
         let rollouts = worlds.iter().map(rollout).collect::<Result<_>>()?;
         Ok(Measured { truth: walk.truth, rollouts })
     };
-    let measure = |place: &Place| {
+    let measure = |place: &TestWalk| {
         let measured = one(*place);
         has_failed.fetch_or(measured.is_err(), Ordering::Relaxed);
         measured

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use cairn::world::OperatingPoint;
 
 use super::super::figures::{show, show_difference};
-use super::super::place::Place;
+use super::super::place::TestWalk;
 use super::Measured;
 use super::measure::{PER_SECOND, Samples, Truth};
 use crate::statistics::{Estimate, estimate, mean};
@@ -154,7 +154,7 @@ impl Results<'_> {
     }
 
     /// A line for each sample.
-    pub(super) fn csv(&self, places: &[Place]) -> String {
+    pub(super) fn csv(&self, places: &[TestWalk]) -> String {
         let mut text = String::from("place,weights,seconds,psnr_db,ssim,lpips_alex,brightness,detail\n");
         for (place, measured) in places.iter().zip(self.measured) {
             let rows = self.names.iter().copied().zip(&measured.rollouts);
