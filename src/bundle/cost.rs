@@ -42,9 +42,9 @@ impl Bundle {
         self.geometry().check_window(g)?;
         let [encode, decode] = [GraphKind::Encoder, GraphKind::Decoder]
             .map(|kind| self.footprint(kind, precision, g).map(|footprint| footprint.cost));
-        let slices = self.splitting(GraphKind::Transformer, precision, g)?.split(1)?;
-        let pass = slices.models.first().map(|model| model.footprint.cost).unwrap_or_default();
-        let controls = slices.of_controls.map(|model| model.footprint.cost).unwrap_or_default();
+        let splitting = self.splitting(GraphKind::Transformer, precision, g)?;
+        let pass = splitting.split(1)?.models.first().map(|model| model.footprint.cost).unwrap_or_default();
+        let controls = splitting.conditioning()?.of_controls.map(|model| model.footprint.cost).unwrap_or_default();
         Ok(WorldCost { pass, controls, encode: encode?, decode: decode? })
     }
 }

@@ -1,8 +1,11 @@
 //! Estimate of the memory that a world needs, computed before anything is loaded.
 
-use super::onnx::{ConditioningModel, Footprint, ModelContext, Slices, footprint};
+use super::onnx::{ConditioningModel, ConditioningModels, Footprint, ModelContext, Slices, footprint};
 use super::{Bundle, Geometry, GraphKind, Precision};
 use crate::{Error, ErrorKind, Result};
+
+/// Noise levels whose conditioning a world keeps in the host's memory, at most.
+pub(crate) const KEPT_LEVELS: usize = 64;
 
 /// The kind of processor that runs a world's graphs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -21,18 +24,20 @@ pub enum Processor {
 /// ring          = sum over layers of 2 * kv_heads * slots * T * head_width * F
 /// slabs         = layers * 2 * kv_heads * T * head_width * F
 /// weights       = every constant that a run reads, in the type in which it reads it: an f32 graph holds f16 weights as f32
-/// conditioning  = weights that passes read through their noise levels alone, as they are stored: the world keeps them in the host's memory
+/// conditioning  = in the host's memory: the weights of what depends on noise levels alone, as they are stored, and the values at up to 64 levels
 /// intermediates = peak of the transformer's live intermediate values over all nodes; a value lives from the node that produces
 ///                 it to the last node that reads it, and `Reshape` shares its input's memory
-/// unpacked      = the largest matrix that a processor unpacks from 8 or 4 bits to multiply by it; one at a time is unpacked
+/// unpacked      = the largest matrix that a processor unpacks from 8 or 4 bits to multiply by it, of the passes and of what embeds controls; each
+///                 unpacks one at a time
 /// autoencoder   = the same as intermediates for encoder and decoder, + their inputs and outputs
 /// arena         = intermediates + encoder's and decoder's intermediate values, a second time
 /// total         = bundle + the sum of these
 /// ```
 ///
-/// A world computes the conditioning of a noise level once, in a session of its own that it drops, so that `weights` has none of it. What rollouts keep
-/// of it, a set of values for each noise level of the stock schedule, is part of `intermediates`. The session that embeds controls stays: its needs are
-/// part of those of the transformer.
+/// A world computes what depends on a noise level alone once, in a session of its own that it drops before it makes those of the passes, so that
+/// `weights` has none of it. What rollouts keep of it, a set of values for each noise level of the stock schedule, is part of `intermediates`. A schedule
+/// with levels that no preset has needs that session again for a moment, while its rollout is made. The session that embeds controls stays: its needs
+/// are part of those of the transformer.
 ///
 /// With joined passes, `weights`, `intermediates` and `unpacked` are the sums of both graphs, except for weights that they share; there are three
 /// times the slabs.
@@ -52,7 +57,7 @@ pub struct MemoryNeed {
     pub bundle: u64,
     /// Weights as the runtime holds them, of all models.
     pub weights: u64,
-    /// Weights of the conditioning, in the host's memory.
+    /// Weights and values of what depends on noise levels alone, in the host's memory.
     pub conditioning: u64,
     /// Keys and values of one rollout's ring.
     pub ring: u64,
@@ -152,7 +157,7 @@ impl Geometry {
 /// The graphs that a world's passes are run with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Passes {
-    /// The transformer as it is.
+    /// The transformer as it is stored, with its conditioning: the reference of [`WorldOptions::check_precision`](crate::world::WorldOptions::check_precision).
     Whole,
     /// The transformer in so many slices, at least 1.
     Slices(u32),
@@ -205,16 +210,17 @@ impl TransformerMemory {
         }
     }
 
-    fn in_slices(slices: &Slices, processor: Processor) -> Self {
-        let (conditioning, of_controls) = (slices.of_levels.as_ref(), slices.of_controls.as_ref());
+    fn in_slices(slices: &Slices, conditioning: &ConditioningModels, processor: Processor) -> Self {
+        let ConditioningModels { of_levels, of_controls } = conditioning;
+        let (of_levels, of_controls) = (of_levels.as_ref(), of_controls.as_ref());
         let footprints = slices.models.iter().map(|model| model.footprint);
         let footprints: Vec<Footprint> = footprints.chain(of_controls.map(|model| model.footprint)).collect();
         let values = |model: &ConditioningModel| model.values.iter().map(|value| value.bytes() as u64).sum::<u64>();
         let between_slices = slices.buffer_sizes.iter().map(|&bytes| bytes as u64).fold(0, u64::saturating_add);
         Self {
             between_slices: between_slices.saturating_add(of_controls.map_or(0, values)),
-            conditioning: conditioning.map_or(0, |model| model.stored_weights),
-            conditioning_values: conditioning.map_or(0, values),
+            conditioning: of_levels.map_or(0, |model| model.stored_weights),
+            conditioning_values: of_levels.map_or(0, values),
             ..Self::of(&footprints, processor)
         }
     }
@@ -227,7 +233,7 @@ impl Bundle {
     /// `InvalidArgument` for a window that the bundle does not allow; `Unsupported` if it lacks the precision; `InvalidBundle` if a graph's
     /// shapes are inconsistent at this window.
     pub fn memory_need(&self, precision: Precision, processor: Processor, g: u32) -> Result<MemoryNeed> {
-        self.memory_need_in(precision, processor, g, Passes::Whole)
+        self.memory_need_in(precision, processor, g, Passes::Slices(1))
     }
 
     /// As [`memory_need`](Self::memory_need), with the transformer loaded for such `passes`.
@@ -248,11 +254,12 @@ impl Bundle {
             [GraphKind::Encoder, GraphKind::Decoder].map(|kind| self.footprint(kind, precision, g));
         let (encoder, decoder) = (encoder?, decoder?);
         let in_slices = |kind, slices| {
-            let split = self.splitting(kind, precision, g)?.split(slices)?;
-            Ok::<_, Error>(TransformerMemory::in_slices(&split, processor))
+            let splitting = self.splitting(kind, precision, g)?;
+            let (split, conditioning) = (splitting.split(slices)?, splitting.conditioning()?);
+            Ok::<_, Error>(TransformerMemory::in_slices(&split, &conditioning, processor))
         };
         let transformer = match passes {
-            Passes::Whole => in_slices(GraphKind::Transformer, 1)?,
+            Passes::Whole => TransformerMemory::of(&[self.footprint(GraphKind::Transformer, precision, g)?], processor),
             Passes::Slices(slices) => in_slices(GraphKind::Transformer, slices)?,
             Passes::Joined { shared_weights } => {
                 let transformer = in_slices(GraphKind::Transformer, 1)?;
@@ -274,13 +281,14 @@ impl Bundle {
         let coding = encoder.peak.saturating_add(decoder.peak);
         let autoencoder = coding.saturating_add(self.autoencoder_ports() * number);
         let arena = coding.saturating_add(transformer.peak);
-        // Of each level, of 0, and those that passes read.
+        // Of each level of the stock schedule, 0 among them, and those that passes read.
         let levels = self.manifest.sampler.schedule.len() as u64 + 1;
         let conditioning_values = transformer.conditioning_values.saturating_mul(levels);
         let intermediates =
             transformer.peak.saturating_add(transformer.between_slices).saturating_add(conditioning_values);
         let bundle = self.files.values().map(|bytes| bytes.len() as u64).fold(0, u64::saturating_add);
-        let conditioning = transformer.conditioning;
+        let kept = transformer.conditioning_values.saturating_mul(KEPT_LEVELS as u64);
+        let conditioning = transformer.conditioning.saturating_add(kept);
         let parts = [bundle, weights, conditioning, ring, slabs, intermediates, unpacked, autoencoder, arena];
         Ok(MemoryNeed {
             bundle,

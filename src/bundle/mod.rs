@@ -21,10 +21,11 @@ use std::sync::Arc;
 
 pub use cost::{GraphCost, WorldCost};
 pub use manifest::*;
+pub(crate) use memory_need::KEPT_LEVELS;
 pub use memory_need::{MemoryNeed, Passes, Processor, available_memory};
 pub(crate) use onnx::{
-    ConditioningModel, DataType, ModelWithPeaks, ModelWriter, NamedTensor, SliceModel, SliceTensor, Slices,
-    largest_weight, with_split_k, with_weights_inside, without_fused_products,
+    ConditioningModel, ConditioningModels, DataType, ModelWithPeaks, ModelWriter, NamedTensor, SliceModel, SliceTensor,
+    Slices, largest_weight, with_split_k, with_weights_inside, without_fused_products,
 };
 #[cfg(windows)]
 pub(crate) use onnx::{Weight, weights_as_inputs};

@@ -1,33 +1,37 @@
-//! The conditioning of a transformer's passes: what they compute from their noise levels alone, computed once for each level.
+//! What a transformer's passes compute from their noise levels alone, computed once for each level.
 
 use std::sync::Arc;
 
-use super::schedule::MAX_POINTS;
+use super::convert;
 use super::transformer::{SharedBuffers, Transformer};
-use crate::Result;
-use crate::bundle::{ConditioningModel, ModelSource, Precision, with_weights_inside};
+use crate::bundle::{ConditioningModel, KEPT_LEVELS, ModelSource, NamedTensor, Precision, with_weights_inside};
 use crate::locks::Mutex;
 use crate::runtime::{BufferId, Device, ExecutionContext, Region, TensorSpec};
+use crate::{Error, ErrorKind, Result};
 
 /// Noise levels of a pass: one of each latent.
-type Levels = Vec<f32>;
+pub(super) type Levels = Vec<f32>;
 
 /// The conditioning at the levels of one pass: the bytes of each value.
 type Values = Arc<[Vec<u8>]>;
 
-/// The conditioning of one graph: its model, and the values of the levels that were asked for last. Shared by rollouts.
+/// The conditioning of one graph by noise levels: its model, and the values of the levels that were asked for last. Shared by rollouts.
 pub(super) struct Conditioning {
     device: Device,
     /// A model with its weights inside. The device has its session, and so its weights, only while values are computed.
     onnx: Vec<u8>,
     levels: TensorSpec,
     values: Vec<TensorSpec>,
-    /// At most [`MAX_POINTS`], the oldest first.
+    /// Bytes that the session takes on the device.
+    session_bytes: u64,
+    /// At most [`KEPT_LEVELS`]: those of presets, then the others, the last used ones last.
     computed: Mutex<Vec<(Levels, Values)>>,
+    /// Number of levels of presets.
+    of_presets: usize,
 }
 
 impl Conditioning {
-    /// Takes the weights of `model` from those of the whole model, `source`, and computes the values at `levels`.
+    /// Takes the weights of `model` from those of the whole model, `source`, and computes the values at `levels`, which are kept.
     pub(super) fn new(
         device: &Device,
         model: &ConditioningModel,
@@ -40,12 +44,10 @@ impl Conditioning {
             device: device.clone(),
             onnx: with_weights_inside(&own)?,
             levels: TensorSpec::new("sigma", Precision::F32, &[latents]),
-            values: model
-                .values
-                .iter()
-                .map(|value| TensorSpec::new(&value.name, value.precision, &value.shape))
-                .collect(),
+            values: model.values.iter().map(value_spec).collect(),
+            session_bytes: model.session_bytes(),
             computed: Mutex::new(Vec::new()),
+            of_presets: levels.len().min(KEPT_LEVELS / 2),
         };
         made.compute(levels)?;
         Ok(made)
@@ -61,12 +63,24 @@ impl Conditioning {
         self.values.iter().map(|value| value.bytes() as u64).sum()
     }
 
+    /// Computes the values at `levels` that are not known yet, so that no step has to.
+    pub(super) fn prepare(&self, levels: &[Levels]) -> Result<()> {
+        self.at(levels).map(drop)
+    }
+
     /// The values at each of `levels`, in that order.
     fn at(&self, levels: &[Levels]) -> Result<Vec<Values>> {
         let known: Vec<Option<Values>> = {
-            let computed = self.computed.lock();
-            let find = |wanted: &Levels| computed.iter().find(|(own, _)| is_same(own, wanted)).map(|(_, v)| v.clone());
-            levels.iter().map(find).collect()
+            let mut computed = self.computed.lock();
+            let mut find = |wanted: &Levels| {
+                let at = computed.iter().position(|(own, _)| is_same(own, wanted))?;
+                let values = computed[at].1.clone();
+                if at >= self.of_presets {
+                    computed[at..].rotate_left(1);
+                }
+                Some(values)
+            };
+            levels.iter().map(&mut find).collect()
         };
         let missing: Vec<Levels> =
             levels.iter().zip(&known).filter(|(_, known)| known.is_none()).map(|(levels, _)| levels.clone()).collect();
@@ -76,6 +90,15 @@ impl Conditioning {
 
     /// Computes values, and keeps them. No lock is held while the session runs, so that two rollouts may compute the same.
     fn compute(&self, levels: &[Levels]) -> Result<Vec<Values>> {
+        let available = self.device.available_memory();
+        if let Some(available) = available.filter(|&available| available < self.session_bytes) {
+            let (needed, available) = (self.session_bytes.div_ceil(1 << 20), available >> 20);
+            let cause =
+                format!("{needed} MiB of the adapter are needed to compute noise levels, {available} MiB are left");
+            return Err(Error::new(ErrorKind::OutOfMemory, cause)
+                .field("schedule")
+                .remedy("Use a preset's schedule, whose levels are computed at load, or free memory of the adapter"));
+        }
         let source = ModelSource { onnx: &self.onnx, external: Vec::new() };
         let (inputs, outputs) = (vec![self.levels.clone()], self.values.clone());
         let graph = self.device.graph("conditioning", &source, &[], inputs, outputs, None)?;
@@ -88,29 +111,36 @@ impl Conditioning {
             context.upload(buffers[0], 0, bytemuck::cast_slice(levels))?;
             context.run(binding)?;
             let read = |(spec, &buffer): (&TensorSpec, &BufferId)| {
-                let mut bytes = vec![0; spec.bytes()];
+                let mut bytes = convert::zeroed(spec.bytes())?;
                 context.read(buffer, 0, &mut bytes).map(|()| bytes)
             };
             computed.push(self.values.iter().zip(&buffers[1..]).map(read).collect::<Result<Values>>()?);
         }
         let mut kept = self.computed.lock();
         kept.extend(levels.iter().cloned().zip(computed.iter().cloned()));
-        let excess = kept.len().saturating_sub(MAX_POINTS);
-        kept.drain(..excess);
+        let excess = kept.len().saturating_sub(KEPT_LEVELS);
+        let first = self.of_presets.min(kept.len() - excess);
+        kept.drain(first..first + excess);
         Ok(computed)
     }
+}
+
+/// Type and shape of a value between models.
+pub(super) fn value_spec(value: &NamedTensor) -> TensorSpec {
+    TensorSpec::new(&value.name, value.precision, &value.shape)
 }
 
 fn is_same(a: &[f32], b: &[f32]) -> bool {
     a.iter().map(|level| level.to_bits()).eq(b.iter().map(|level| level.to_bits()))
 }
 
-/// The conditioning of one rollout's passes, on its device.
+/// The conditioning of one rollout's passes, in its context. On WebGPU kept values stay in the host's memory, as buffers do that no graph is bound to.
 pub(super) struct ConditioningInputs {
     source: Arc<Conditioning>,
     /// What passes read.
     inputs: Vec<BufferId>,
-    /// Noise levels, and the buffers that have their values; no levels where buffers have none.
+    /// Noise levels, and the buffers that have their values; no levels where buffers have none. The last one lacks buffers if there was no memory for
+    /// them.
     kept: Vec<(Levels, Vec<BufferId>)>,
 }
 
@@ -129,8 +159,14 @@ impl ConditioningInputs {
     }
 
     fn add(&mut self, context: &mut dyn ExecutionContext) -> Result<()> {
-        let buffers = self.source.values.iter().map(|value| context.buffer(value.bytes())).collect::<Result<_>>()?;
-        self.kept.push((Vec::new(), buffers));
+        let values = &self.source.values;
+        if self.kept.last().is_none_or(|(_, buffers)| buffers.len() == values.len()) {
+            self.kept.push((Vec::new(), Vec::new()));
+        }
+        let Some((_, buffers)) = self.kept.last_mut() else { return Ok(()) };
+        while let Some(value) = values.get(buffers.len()) {
+            buffers.push(context.buffer(value.bytes())?);
+        }
         Ok(())
     }
 
@@ -152,7 +188,9 @@ impl ConditioningInputs {
         }
         let values = self.source.at(&missing)?;
         for (wanted, values) in missing.into_iter().zip(values) {
-            let is_free = |(own, _): &(Levels, Vec<BufferId>)| !levels.clone().any(|levels| is_same(levels, own));
+            let is_free = |(own, buffers): &(Levels, Vec<BufferId>)| {
+                buffers.len() == self.source.values.len() && !levels.clone().any(|levels| is_same(levels, own))
+            };
             let at = match self.kept.iter().position(is_free) {
                 Some(at) => at,
                 None => {

@@ -299,6 +299,8 @@ impl TransformerPass {
 
 #[cfg(test)]
 mod tests {
+    use super::super::rollout::worlds;
+    use super::super::{World, WorldOptions};
     use super::*;
 
     fn found(latent_error: f64, worst_layer: (u32, f64), magnitude: f32, is_residual: bool) -> HalfPrecision {
@@ -341,6 +343,29 @@ mod tests {
             // A residual sum is not among the values in float16 then.
             let is_sum = widened.peak.is_some_and(|peak| peak.is_residual && peak.magnitude > 65504.0);
             assert_eq!(error.remedy_text().is_some_and(|text| text.contains(wide)), is_sum, "{error}");
+        }
+    }
+
+    /// The reference is the transformer as it is stored. A world divides it: what depends on noise levels or controls alone does not run in passes.
+    #[test]
+    fn a_divided_transformer_gives_the_bits_of_the_whole_one() {
+        for name in ["tiny", "stream"] {
+            let (device, bundle) = (worlds::device(), worlds::bundle(name));
+            let (manifest, window) = (bundle.manifest(), Some(bundle.geometry().global.dilation));
+            let whole = Reference::make(&device, &bundle).expect("a latent").latent;
+            for slices in [1, 3] {
+                let options = WorldOptions {
+                    precision: Some(Precision::F32),
+                    global_window: window,
+                    slices: Some(slices),
+                    ..WorldOptions::default()
+                };
+                let world = World::load(&device, &bundle, options).expect("a world");
+                assert!(world.transformer.conditioning().is_some() && !world.transformer.reads_levels());
+                let made = Latent::make(&device, &world.transformer, manifest, &world.shapes, Precision::F32, None);
+                let made = made.expect("a latent");
+                assert!(made.x == whole.x && made.states == whole.states, "{name} in {slices} slices");
+            }
         }
     }
 

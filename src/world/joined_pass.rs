@@ -22,6 +22,8 @@ pub(super) struct JoinedPass {
     /// Embeds the controls of both.
     controls: Option<BindingId>,
     conditioning: Option<ConditioningInputs>,
+    /// Whether the pass reads noise levels, beside the conditioning.
+    reads_levels: bool,
     uploader: Uploader,
     // Host memory for uploads, reused so that a step allocates nothing.
     rope: [Vec<f32>; 2],
@@ -58,6 +60,7 @@ impl JoinedPass {
             bindings,
             controls,
             conditioning,
+            reads_levels: joined.reads_levels(),
             uploader: Uploader::new(precision, mask_len(false).max(mask_len(true)))?,
             rope: [convert::zeroed(angles)?, convert::zeroed(angles)?],
             controls_of_both: convert::zeroed(control_len)?,
@@ -76,7 +79,9 @@ impl JoinedPass {
         // An append has no noise level; the pass's result for its latent is ignored.
         let first = |levels: &[f32]| levels.first().copied().unwrap_or(0.0);
         let levels = [0.0, first(&plan.sigmas)];
-        context.upload(self.inputs.sigma, 0, bytemuck::cast_slice(&levels))?;
+        if self.reads_levels {
+            context.upload(self.inputs.sigma, 0, bytemuck::cast_slice(&levels))?;
+        }
         if let Some(conditioning) = &mut self.conditioning {
             conditioning.prepare(context, std::iter::once(&levels[..]))?;
             conditioning.select(context, &levels)?;

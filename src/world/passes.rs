@@ -8,7 +8,7 @@ use super::kv_cache::KvCache;
 use super::pass_inputs::PassInputs;
 use super::plan::{PendingPlan, RingPlan, StepPlan};
 use super::rope::RopeTable;
-use super::schedule::MAX_POINTS;
+use super::schedule::{MAX_POINTS, SigmaTable};
 use super::transformer::PassBinding;
 use super::world::World;
 use crate::Result;
@@ -148,6 +148,12 @@ impl Passes {
             conditioning.prepare(context, s.table.iter().map(|row| &row[..1]))?;
         }
         context.upload(self.table, 0, bytemuck::cast_slice(&s.table))
+    }
+
+    /// Uploads what passes need of the noise levels of a schedule, so that no step allocates memory for it.
+    pub(super) fn prepare_levels(&mut self, context: &mut dyn ExecutionContext, table: &SigmaTable) -> Result<()> {
+        let conditioning = self.conditioning.as_mut();
+        conditioning.map_or(Ok(()), |conditioning| conditioning.prepare(context, table.sigmas.chunks(1)))
     }
 
     /// Makes the next step upload again what it would keep from earlier ones: after a failure, some of that may not have reached the device.

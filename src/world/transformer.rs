@@ -5,12 +5,12 @@ use std::time::{Duration, Instant};
 
 use half::f16;
 
-use super::conditioning::Conditioning;
+use super::conditioning::{Conditioning, Levels, value_spec};
 use super::graph_spec::{self, GraphSpec, Shapes};
 use super::preset::Preset;
+use super::schedule::SigmaTable;
 use crate::bundle::{
-    Bundle, ConditioningModel, GraphKind, Manifest, ModelSource, NamedTensor, Precision, SliceModel, SliceTensor,
-    Slices,
+    Bundle, ConditioningModels, GraphKind, Manifest, ModelSource, Precision, SliceModel, SliceTensor, Slices,
 };
 #[cfg(windows)]
 use crate::runtime::Work;
@@ -33,10 +33,17 @@ pub(super) struct Transformer {
     inputs: usize,
     /// Sizes in bytes of the buffers for intermediate tensors between slices.
     intermediates: Vec<usize>,
-    /// What it needs of the noise levels; `None` if it computes all of that in each pass.
-    conditioning: Option<Arc<Conditioning>>,
-    /// Embeds the controls; `None` if it does so in each pass.
-    controls: Option<ControlEmbedding>,
+    /// What runs apart from passes.
+    conditioning: SharedConditioning,
+}
+
+/// The conditioning of a transformer, the same with every number of slices.
+#[derive(Clone, Default)]
+pub(super) struct SharedConditioning {
+    /// What passes need of their noise levels; `None` if they compute all of that themselves.
+    levels: Option<Arc<Conditioning>>,
+    /// Embeds the controls; `None` if each pass does so.
+    controls: Option<Arc<ControlEmbedding>>,
 }
 
 /// The graph that runs once in each step, and makes what passes need of the controls.
@@ -100,21 +107,61 @@ impl TransformerSource<'_> {
         self.bundle.manifest()
     }
 
+    /// The models of the conditioning of the transformer, or of the joined graph.
+    pub(super) fn conditioning_models(&self, kind: GraphKind) -> Result<ConditioningModels> {
+        self.bundle.splitting(kind, self.precision, self.global_window)?.conditioning()
+    }
+
+    /// Computes the conditioning at the noise levels of all presets, and makes the session that embeds controls. `proceed` is called before each of
+    /// the two sessions. The joined graph's uses the weights of `shared` where its device can share them.
+    ///
+    /// # Errors
+    /// As [`World::load_with`](super::World::load_with).
+    pub(super) fn load_conditioning(
+        &self,
+        kind: GraphKind,
+        models: &ConditioningModels,
+        shared: &SharedConditioning,
+        proceed: &dyn Fn() -> Result<()>,
+    ) -> Result<SharedConditioning> {
+        let source = self.bundle.model(kind, self.precision)?;
+        let ConditioningModels { of_levels, of_controls } = models;
+        let levels = of_levels.as_ref().map(|model| {
+            proceed()?;
+            let levels = self.preset_levels(kind);
+            Conditioning::new(self.device, model, &source, kind.latents() as usize, &levels).map(Arc::new)
+        });
+        let levels = levels.transpose()?;
+        let inputs = self.spec(kind).inputs;
+        let controls = of_controls.as_ref().map(|model| {
+            proceed()?;
+            let embedding = ModelSource { onnx: &model.onnx, external: source.external.clone() };
+            let values: Vec<_> = model.values.iter().map(value_spec).collect();
+            let (input, outputs) = (vec![inputs[model.input].clone()], values.clone());
+            let shared = shared.controls.as_ref().map(|controls| &controls.graph);
+            let graph = self.device.graph("controls", &embedding, &[], input, outputs, shared)?;
+            Ok::<_, Error>(Arc::new(ControlEmbedding { graph, input: model.input, values }))
+        });
+        Ok(SharedConditioning { levels, controls: controls.transpose()? })
+    }
+
     /// Makes the sessions of `slices` slices; `proceed` is called before each.
     ///
     /// # Errors
     /// As [`World::load_with`](super::World::load_with).
-    pub(super) fn load(&self, slices: u32, proceed: &dyn Fn() -> Result<()>) -> Result<Transformer> {
-        let spec = graph_spec::transformer(&self.manifest().geometry, self.shapes, self.precision);
+    pub(super) fn load(
+        &self,
+        slices: u32,
+        conditioning: &SharedConditioning,
+        proceed: &dyn Fn() -> Result<()>,
+    ) -> Result<Transformer> {
         let split = self.bundle.splitting(GraphKind::Transformer, self.precision, self.global_window)?.split(slices)?;
-        let levels = self.preset_levels().into_iter().map(|level| vec![level]).collect();
-        let what = |slice| match slices {
-            1 => "transformer".to_owned(),
-            _ => format!("transformer, slice {slice} of {slices}"),
-        };
-        self.sessions(GraphKind::Transformer, spec, split, levels, None, &|slice| {
+        self.sessions(GraphKind::Transformer, split, conditioning, None, &|slice| {
             proceed()?;
-            Ok(what(slice))
+            Ok(match slices {
+                1 => "transformer".to_owned(),
+                _ => format!("transformer, slice {slice} of {slices}"),
+            })
         })
     }
 
@@ -122,31 +169,34 @@ impl TransformerSource<'_> {
     ///
     /// # Errors
     /// As [`load`](Self::load), and `Unsupported` if the bundle has no joined graph.
-    pub(super) fn load_joined(&self, transformer: &Transformer) -> Result<Transformer> {
-        let spec = graph_spec::joined(&self.manifest().geometry, self.shapes, self.precision);
+    pub(super) fn load_joined(
+        &self,
+        transformer: &Transformer,
+        conditioning: &SharedConditioning,
+    ) -> Result<Transformer> {
         let split = self.bundle.splitting(GraphKind::Joined, self.precision, self.global_window)?.split(1)?;
-        let first = self.manifest().sampler.schedule.first().copied().unwrap_or_default() as f32;
-        let levels = vec![vec![0.0, first]];
-        self.sessions(GraphKind::Joined, spec, split, levels, Some(transformer), &|_| Ok("joined pass".to_owned()))
+        let shared = transformer.slices.first().map(|slice| &slice.graph);
+        self.sessions(GraphKind::Joined, split, conditioning, shared, &|_| Ok("joined pass".to_owned()))
     }
 
-    /// Makes the sessions of a transformer with the interface `spec`, and its conditioning at `levels`. `name` is called before each with the slice's
-    /// number, from 1.
+    fn spec(&self, kind: GraphKind) -> GraphSpec {
+        let spec = if kind == GraphKind::Joined { graph_spec::joined } else { graph_spec::transformer };
+        spec(&self.manifest().geometry, self.shapes, self.precision)
+    }
+
+    /// Makes the sessions of a transformer. `name` is called before each with the slice's number, from 1.
     fn sessions(
         &self,
         kind: GraphKind,
-        spec: GraphSpec,
         split: Slices,
-        levels: Vec<Vec<f32>>,
-        shared: Option<&Transformer>,
+        conditioning: &SharedConditioning,
+        shared: Option<&Arc<Graph>>,
         name: &dyn Fn(usize) -> Result<String>,
     ) -> Result<Transformer> {
         let source = self.bundle.model(kind, self.precision)?;
         let dimensions = graph_spec::dimensions(self.shapes, kind.latents() as usize);
-        let Slices { of_levels, of_controls, models, intermediates, buffer_sizes } = split;
-        // First, so that its weights are gone from the device before the others are there.
-        let new_conditioning = |model| Conditioning::new(self.device, model, &source, kind.latents() as usize, &levels);
-        let conditioning = of_levels.as_ref().map(new_conditioning).transpose()?.map(Arc::new);
+        let Slices { models, intermediates, buffer_sizes } = split;
+        let spec = self.spec(kind);
         let (inputs, whole) = (spec.inputs.len(), [spec.inputs, spec.outputs].concat());
         let position = |tensor: &SliceTensor| match *tensor {
             SliceTensor::Input(at) => Tensor::Whole(at),
@@ -155,23 +205,13 @@ impl TransformerSource<'_> {
             SliceTensor::OfLevels(at) => Tensor::OfLevels(at),
             SliceTensor::OfControls(at) => Tensor::OfControls(at),
         };
-        let embedding = |model: &ConditioningModel| {
-            let embedding = ModelSource { onnx: &model.onnx, external: source.external.clone() };
-            let values: Vec<_> = model.values.iter().map(value_spec).collect();
-            let (inputs, outputs) = (vec![whole[model.input].clone()], values.clone());
-            let shared = shared.and_then(|other| other.controls.as_ref()).map(|controls| &controls.graph);
-            let graph = self.device.graph("controls", &embedding, &[], inputs, outputs, shared)?;
-            Ok::<_, Error>(ControlEmbedding { graph, input: model.input, values })
-        };
-        let controls = of_controls.as_ref().map(embedding).transpose()?;
         let spec_of = |tensor: &SliceTensor| match *tensor {
             SliceTensor::Input(at) => whole[at].clone(),
             SliceTensor::Output(at) => whole[inputs + at].clone(),
             SliceTensor::Intermediate(at) => value_spec(&intermediates[at].tensor),
-            SliceTensor::OfLevels(at) => conditioning.as_ref().expect("conditioning of levels").values()[at].clone(),
-            SliceTensor::OfControls(at) => controls.as_ref().expect("embedded controls").values[at].clone(),
+            SliceTensor::OfLevels(at) => conditioning.level_values()[at].clone(),
+            SliceTensor::OfControls(at) => conditioning.control_values()[at].clone(),
         };
-        let shared = shared.and_then(|other| other.slices.first()).map(|slice| &slice.graph);
         let make = |(i, model): (usize, &SliceModel)| {
             let what = name(i + 1)?;
             let slice = ModelSource { onnx: &model.onnx, external: source.external.clone() };
@@ -181,19 +221,20 @@ impl TransformerSource<'_> {
             Ok(Slice { graph, tensors: model.inputs.iter().chain(&model.outputs).map(position).collect() })
         };
         let slices = models.iter().enumerate().map(make).collect::<Result<_>>()?;
-        Ok(Transformer { slices, tensors: whole, inputs, intermediates: buffer_sizes, conditioning, controls })
+        let conditioning = conditioning.clone();
+        Ok(Transformer { slices, tensors: whole, inputs, intermediates: buffer_sizes, conditioning })
     }
 
-    /// The noise levels of all presets, without duplicates.
-    fn preset_levels(&self) -> Vec<f32> {
-        let mut levels = Vec::new();
+    /// The noise levels of passes of all presets, without duplicates. A joined pass has 0 of the finished latent, and the first level of a schedule, or
+    /// again 0 for an append.
+    fn preset_levels(&self, kind: GraphKind) -> Vec<Levels> {
+        let mut levels: Vec<Levels> = Vec::new();
         for preset in Preset::ALL {
             // A sampler may not allow every schedule.
-            if let Ok(table) = preset.operating_point().schedule.table(&self.manifest().sampler) {
-                levels.extend(table.sigmas);
-            }
+            let Ok(table) = preset.operating_point().schedule.table(&self.manifest().sampler) else { continue };
+            levels.extend(pass_levels(kind, &table));
         }
-        levels.sort_by(f32::total_cmp);
+        levels.sort_by(|a, b| a.iter().map(|level| level.to_bits()).cmp(b.iter().map(|level| level.to_bits())));
         levels.dedup();
         levels
     }
@@ -207,13 +248,14 @@ impl TransformerSource<'_> {
     pub(super) fn load_within(
         &self,
         limit: Duration,
+        conditioning: &SharedConditioning,
         fits: &dyn Fn(u32) -> bool,
         proceed: &dyn Fn(u32) -> Result<()>,
     ) -> Result<(Transformer, Duration)> {
         let splitting = self.bundle.splitting(GraphKind::Transformer, self.precision, self.global_window)?;
         let mut slices = 1;
         loop {
-            let transformer = self.load(slices, &|| proceed(slices))?;
+            let transformer = self.load(slices, conditioning, &|| proceed(slices))?;
             let longest = transformer.measure(self.device)?.into_iter().max().unwrap_or_default();
             log::info!("the longest of {slices} slices of the transformer takes {longest:?}, the limit is {limit:?}");
             let next = more_slices(slices, longest, limit, splitting.max_slices(), |n| splitting.longest_share(n))?;
@@ -228,8 +270,22 @@ impl TransformerSource<'_> {
     }
 }
 
-fn value_spec(value: &NamedTensor) -> TensorSpec {
-    TensorSpec::new(&value.name, value.precision, &value.shape)
+/// The noise levels of the passes of a step with this schedule, and of an append.
+fn pass_levels(kind: GraphKind, table: &SigmaTable) -> Vec<Levels> {
+    match (kind, table.sigmas.first()) {
+        (GraphKind::Joined, Some(&first)) => vec![vec![0.0, first], vec![0.0; 2]],
+        _ => table.sigmas.iter().map(|&level| vec![level]).collect(),
+    }
+}
+
+impl SharedConditioning {
+    fn level_values(&self) -> &[TensorSpec] {
+        self.levels.as_ref().map_or(&[], |levels| levels.values())
+    }
+
+    fn control_values(&self) -> &[TensorSpec] {
+        self.controls.as_ref().map_or(&[], |controls| &controls.values)
+    }
 }
 
 /// The number of slices to try after `slices`, of which the longest takes `longest`; `None` if that is within `limit` or no more than `most`
@@ -259,7 +315,18 @@ impl Transformer {
     pub(super) fn whole(graph: Arc<Graph>, spec: GraphSpec) -> Self {
         let (inputs, tensors) = (spec.inputs.len(), [spec.inputs, spec.outputs].concat());
         let slice = Slice { graph, tensors: (0..tensors.len()).map(Tensor::Whole).collect() };
-        Self { slices: vec![slice], tensors, inputs, intermediates: Vec::new(), conditioning: None, controls: None }
+        Self {
+            slices: vec![slice],
+            tensors,
+            inputs,
+            intermediates: Vec::new(),
+            conditioning: SharedConditioning::default(),
+        }
+    }
+
+    /// Computes the conditioning of all passes of a step with this schedule, so that no step has to.
+    pub(super) fn prepare_levels(&self, kind: GraphKind, table: &SigmaTable) -> Result<()> {
+        self.conditioning().map_or(Ok(()), |conditioning| conditioning.prepare(&pass_levels(kind, table)))
     }
 
     /// Number of slices.
@@ -283,9 +350,15 @@ impl Transformer {
         self.inputs
     }
 
-    /// What it needs of the noise levels; `None` if it computes all of that in each pass.
+    /// What passes need of their noise levels; `None` if they compute all of that themselves.
     pub(super) fn conditioning(&self) -> Option<&Arc<Conditioning>> {
-        self.conditioning.as_ref()
+        self.conditioning.levels.as_ref()
+    }
+
+    /// The graph that embeds the controls of a step; `None` if each pass does so.
+    #[cfg(windows)]
+    pub(super) fn controls(&self) -> Option<&Arc<Graph>> {
+        self.conditioning.controls.as_ref().map(|controls| &controls.graph)
     }
 
     /// Whether passes read noise levels, beside the conditioning.
@@ -294,30 +367,24 @@ impl Transformer {
         self.slices.iter().any(|slice| slice.tensors.iter().any(read))
     }
 
-    /// The embedded controls.
-    fn control_values(&self) -> &[TensorSpec] {
-        self.controls.as_ref().map_or(&[], |controls| &controls.values)
-    }
-
     /// Bytes of a rollout's intermediate tensors between slices, of its embedded controls, and of what it keeps of the conditioning at `levels` noise
     /// levels.
     pub(super) fn intermediate_bytes(&self, levels: usize) -> u64 {
-        let conditioning = self.conditioning.as_ref().map_or(0, |conditioning| conditioning.bytes());
-        let controls = self.control_values().iter().map(|value| value.bytes() as u64).sum::<u64>();
+        let conditioning = self.conditioning().map_or(0, |conditioning| conditioning.bytes());
+        let controls = self.conditioning.control_values().iter().map(|value| value.bytes() as u64).sum::<u64>();
         let between_slices = self.intermediates.iter().map(|&bytes| bytes as u64).sum::<u64>();
         between_slices + controls + conditioning * (levels as u64 + 1)
     }
 
     /// Buffers for [`bind`](Self::bind).
     pub(super) fn shared_buffers(&self, context: &mut dyn ExecutionContext) -> Result<SharedBuffers> {
-        let values = self.conditioning.as_ref().map_or(&[][..], |conditioning| conditioning.values());
         let mut buffers = |sizes: &mut dyn Iterator<Item = usize>| {
             sizes.map(|bytes| context.buffer(bytes)).collect::<Result<Vec<_>>>()
         };
         Ok(SharedBuffers {
             intermediates: buffers(&mut self.intermediates.iter().copied())?,
-            conditioning: buffers(&mut values.iter().map(TensorSpec::bytes))?,
-            controls: buffers(&mut self.control_values().iter().map(TensorSpec::bytes))?,
+            conditioning: buffers(&mut self.conditioning.level_values().iter().map(TensorSpec::bytes))?,
+            controls: buffers(&mut self.conditioning.control_values().iter().map(TensorSpec::bytes))?,
         })
     }
 
@@ -328,7 +395,8 @@ impl Transformer {
         tensors: &[BufferId],
         shared: &SharedBuffers,
     ) -> Result<Option<BindingId>> {
-        let Some(ControlEmbedding { graph, input, .. }) = &self.controls else { return Ok(None) };
+        let Some(embedding) = &self.conditioning.controls else { return Ok(None) };
+        let ControlEmbedding { graph, input, .. } = &**embedding;
         let buffers: Vec<BufferId> = std::iter::once(tensors[*input]).chain(shared.controls.iter().copied()).collect();
         context.bind(graph, &buffers).map(Some)
     }
@@ -354,16 +422,26 @@ impl Transformer {
         self.slices.iter().map(bind).collect::<Result<_>>().map(PassBinding)
     }
 
-    /// For tests: slice, input, and another intermediate tensor of the same size that the slice could read by mistake.
+    /// For tests: slice, input, and another value of the same size that the slice could read by mistake: another intermediate tensor, or what is made of
+    /// the controls for another layer.
     #[cfg(test)]
-    fn confusable(&self) -> Vec<(usize, usize, usize)> {
+    fn confusable(&self) -> Vec<(usize, usize, Tensor)> {
+        let controls: Vec<usize> = self.conditioning.control_values().iter().map(TensorSpec::bytes).collect();
+        let alike = |sizes: &[usize], own: usize| -> Vec<usize> {
+            (0..sizes.len()).filter(|&other| other != own && sizes[other] == sizes[own]).collect()
+        };
         let mut pairs = Vec::new();
         for (i, slice) in self.slices.iter().enumerate() {
             let inputs = slice.graph.input_count();
             for (at, tensor) in slice.tensors[..inputs].iter().enumerate() {
-                let Tensor::Intermediate(own) = *tensor else { continue };
-                let alike = |&other: &usize| other != own && self.intermediates[other] == self.intermediates[own];
-                pairs.extend((0..self.intermediates.len()).filter(alike).map(|other| (i, at, other)));
+                let others: Vec<Tensor> = match *tensor {
+                    Tensor::Intermediate(own) => {
+                        alike(&self.intermediates, own).into_iter().map(Tensor::Intermediate).collect()
+                    }
+                    Tensor::OfControls(own) => alike(&controls, own).into_iter().map(Tensor::OfControls).collect(),
+                    Tensor::Whole(_) | Tensor::OfLevels(_) => Vec::new(),
+                };
+                pairs.extend(others.into_iter().map(|other| (i, at, other)));
             }
         }
         pairs
@@ -375,11 +453,11 @@ impl Transformer {
         self.confusable().len()
     }
 
-    /// For tests: binds an input of a slice to the buffer of another intermediate tensor.
+    /// For tests: binds an input of a slice to the buffer of another value.
     #[cfg(test)]
     pub(super) fn mutate(&mut self, mutant: usize) {
-        let (slice, input, memory) = self.confusable()[mutant];
-        self.slices[slice].tensors[input] = Tensor::Intermediate(memory);
+        let (slice, input, other) = self.confusable()[mutant];
+        self.slices[slice].tensors[input] = other;
     }
 
     /// Measures passes: the median time of each slice, by the device's clock if it has one.
@@ -390,7 +468,7 @@ impl Transformer {
         // Non-zero values, because kernels may be faster on zeroes.
         let (wide, half) = (vec![0.1_f32; UPLOAD_CHUNK], vec![f16::from_f32(0.1); UPLOAD_CHUNK]);
         let shared = self.shared_buffers(&mut *context)?;
-        let conditioning = self.conditioning.as_ref().map_or(&[][..], |conditioning| conditioning.values());
+        let conditioning = self.conditioning.level_values();
         let inputs =
             buffers.iter().zip(&self.tensors[..self.inputs]).chain(shared.conditioning.iter().zip(conditioning));
         for (buffer, spec) in inputs {

@@ -8,8 +8,11 @@ use super::graph_spec::{self, GraphSpec, Shapes};
 use super::half_precision::{HalfPrecision, Reference};
 use super::missing_operator;
 use super::operating_point::{CacheMode, OperatingPoint};
-use super::transformer::{Transformer, TransformerSource};
-use crate::bundle::{Bundle, GraphKind, Manifest, MemoryNeed, Passes, Precision, Processor, available_memory};
+use super::schedule::SigmaTable;
+use super::transformer::{SharedConditioning, Transformer, TransformerSource};
+use crate::bundle::{
+    Bundle, ConditioningModels, GraphKind, Manifest, MemoryNeed, Passes, Precision, Processor, available_memory,
+};
 use crate::runtime::{Device, DeviceKind, Graph};
 use crate::{Error, ErrorKind, Result};
 
@@ -164,6 +167,19 @@ impl World {
             made.map_err(explain)
         };
         let source = TransformerSource { device, bundle, precision, shapes: &shapes, global_window };
+        // All conditioning first, so that the weights of what depends on noise levels are gone from the device before those of the passes are there.
+        let models = source.conditioning_models(GraphKind::Transformer)?;
+        let joined_models = options.joined.then(|| source.conditioning_models(GraphKind::Joined)).transpose()?;
+        let count = |models: &ConditioningModels| {
+            u64::from(models.of_levels.is_some()) + u64::from(models.of_controls.is_some())
+        };
+        sessions.set(sessions.get() + count(&models) + joined_models.as_ref().map_or(0, count));
+        let load = |kind, models, shared: &SharedConditioning| {
+            source.load_conditioning(kind, models, shared, &proceed).map_err(explain)
+        };
+        let conditioning = load(GraphKind::Transformer, &models, &SharedConditioning::default())?;
+        let of_joined = joined_models.as_ref().map(|models| load(GraphKind::Joined, models, &conditioning));
+        let of_joined = of_joined.transpose()?;
         let (transformer, longest_slice) = match (options.slices, options.longest_submission) {
             (None, Some(limit)) => {
                 let fits = |slices| fits_in(precision, global_window, passes_in(slices)).is_ok();
@@ -175,19 +191,18 @@ impl World {
                     }
                     proceed()
                 };
-                let (transformer, longest) = source.load_within(limit, &fits, &proceed).map_err(explain)?;
+                let (transformer, longest) =
+                    source.load_within(limit, &conditioning, &fits, &proceed).map_err(explain)?;
                 need = fits_in(precision, global_window, passes_in(transformer.slices()))?;
                 (transformer, Some(longest))
             }
-            (slices, _) => (source.load(slices.unwrap_or(1), &proceed).map_err(explain)?, None),
+            (slices, _) => (source.load(slices.unwrap_or(1), &conditioning, &proceed).map_err(explain)?, None),
         };
-        let joined = match options.joined {
-            true => {
-                proceed()?;
-                Some(source.load_joined(&transformer).map_err(explain)?)
-            }
-            false => None,
-        };
+        let joined = of_joined.map(|conditioning| {
+            proceed()?;
+            source.load_joined(&transformer, &conditioning).map_err(explain)
+        });
+        let joined = joined.transpose()?;
         let half_precision = reference.map(|made| made.compare(device, &transformer, manifest, &shapes)).transpose()?;
         if let Some(found) = &half_precision {
             log::info!("f16 beside f32 on {}: {found:?}", device.describe());
@@ -214,6 +229,12 @@ impl World {
         }))
     }
 
+    /// Computes what passes need of the noise levels of a schedule, so that no step makes a session for it.
+    pub(super) fn prepare_levels(&self, table: &SigmaTable) -> Result<()> {
+        self.transformer.prepare_levels(GraphKind::Transformer, table)?;
+        self.joined.as_ref().map_or(Ok(()), |joined| joined.prepare_levels(GraphKind::Joined, table))
+    }
+
     /// Checks that rollouts of this world can run at `point`.
     pub(super) fn check_point(&self, point: &OperatingPoint) -> Result<()> {
         point.check_for(&self.manifest.geometry)?;
@@ -233,15 +254,15 @@ impl World {
         Ok(())
     }
 
-    /// Noise levels whose conditioning a rollout has memory for from the start: those of the stock schedule, which ends in 0. A step with more
-    /// allocates it.
+    /// Noise levels whose conditioning every rollout has memory for: those of the stock schedule, which ends in 0.
     pub(super) fn kept_levels(&self) -> usize {
         self.manifest.sampler.schedule.len()
     }
 
     /// Bytes of a rollout's rings, slabs, conditioning and values that slices hand over.
     pub(super) fn rollout_need(&self) -> u64 {
-        let between = self.transformer.intermediate_bytes(self.kept_levels());
+        let of_joined = self.joined.as_ref().map_or(0, |joined| joined.intermediate_bytes(1));
+        let between = self.transformer.intermediate_bytes(self.kept_levels()).saturating_add(of_joined);
         self.need.ring.saturating_add(self.need.slabs).saturating_add(between)
     }
 

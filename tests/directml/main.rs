@@ -239,7 +239,8 @@ fn a_submission_limit_yields_the_queue_between_passes() {
     };
     let (none, tight, wide) =
         (yields(None), yields(Some(Duration::from_nanos(1))), yields(Some(Duration::from_secs(3600))));
-    assert_eq!((none.0, tight.0, wide.0), (0, 5, 0), "before each of five passes and the decoder's, except the first");
+    // The embedding of controls, five passes and the decoder: before each but the first.
+    assert_eq!((none.0, tight.0, wide.0), (0, 6, 0));
     assert!(none.1 == tight.1 && none.1 == wide.1, "the same bits");
     assert!(worlds::device().set_directml_options(options).is_err(), "the processor has none");
 }
@@ -270,10 +271,10 @@ fn slices_yield_the_queue_within_a_pass() {
     let (bits, slices, longest, yields) = run(Some(4), None);
     assert_eq!((slices, longest, yields), (4, None, 0));
     assert!(bits == whole, "the same bits in four slices");
-    // No slice takes so little, so every layer is one, and each waits for the one before it: those of five passes, and the decoder.
+    // No slice takes so little, so every layer is one, and each waits for what is before it: the embedding of controls, five passes, the decoder.
     let (bits, slices, longest, yields) = run(None, Some(Duration::from_nanos(1)));
     let layers = bundle.geometry().layers;
-    assert_eq!((slices, yields), (layers, 5 * u64::from(layers)));
+    assert_eq!((slices, yields), (layers, 5 * u64::from(layers) + 1));
     assert!(longest.is_some_and(|longest| !longest.is_zero()), "a measured time");
     assert!(bits == whole, "the same bits in a slice for each layer");
 }
@@ -291,16 +292,20 @@ fn captured_passes_give_the_same_bits_and_others_report_the_reason() {
         (fingerprint(&mut rollout).expect("bits"), rollout.capture_statistics().expect("a Direct3D 12 device"))
     };
     let (truth, off) = run(&world(0));
-    assert_eq!((off.used, off.unproven, off.unused), (0, 0, 5), "encoder, and transformer and decoder both ways");
+    assert_eq!(
+        (off.used, off.unproven, off.unused),
+        (0, 0, 6),
+        "encoder, controls, and transformer and decoder both ways"
+    );
     assert_eq!(off.reason.as_deref(), Some("it is turned off"));
 
     let world = world(2);
     let (bits, captured) = run(&world);
     assert!(bits == truth, "the same bits: {captured:?}");
-    assert_eq!((captured.used, captured.unused), (4, 0), "all that ran often enough: {captured:?}");
+    assert_eq!((captured.used, captured.unused), (5, 0), "all that ran often enough: {captured:?}");
     let (bits, captured) = run(&world);
     assert!(bits == truth, "the same bits: {captured:?}");
-    assert_eq!((captured.used, captured.unused), (0, 4), "the first rollout took them: {captured:?}");
+    assert_eq!((captured.used, captured.unused), (0, 5), "the first rollout took them: {captured:?}");
     assert!(captured.reason.is_some_and(|why| why.contains("as many passes are captured as may be")));
 }
 

@@ -199,7 +199,7 @@ def test_the_check_at_load_names_the_sum_that_passes_float16(loud, capsys):
         device.load_world(
             loud["float32"], precision="f16", check_precision=True, progress=lambda *at: stages.append(at)
         ).close()
-        assert stages[-1] == ("preparing", 4, 4), "three graphs, and one for the check"
+        assert stages[-1] == ("preparing", 6, 6), "three graphs, two of the conditioning, and one for the check"
     assert doctor.run(str(loud["float32"]), half=True)
     assert "float16 " in capsys.readouterr().out
     assert not doctor.run(str(loud["float16"]), half=True)

@@ -9,7 +9,7 @@
 //! - [`products`] rewrites the products of attention for providers without `FusedMatMul`.
 //! - [`largest_weight`] finds a model's largest tensor of weights.
 //! - [`model_writer`] writes the small models that move and check values on a device.
-//! - [`conditioning`] finds the part of a transformer that depends on noise levels alone.
+//! - [`conditioning`] finds the parts of a transformer that depend on noise levels alone, or on controls alone.
 //! - [`slices`] splits a transformer into that part and models of consecutive layers.
 //! - [`interface`] compares inputs and outputs with the format's tables.
 //! - [`check`] combines these checks, and checks that weights lie inside files that the bundle lists.
@@ -45,7 +45,7 @@ pub(crate) use peaks::ModelWithPeaks;
 pub(crate) use products::without_fused_products;
 pub(super) use shape_inference::Footprint;
 pub use slices::slice_transformer;
-pub(crate) use slices::{ConditioningModel, NamedTensor, SliceModel, SliceTensor, Slices};
+pub(crate) use slices::{ConditioningModel, ConditioningModels, NamedTensor, SliceModel, SliceTensor, Slices};
 pub(crate) use split_k::with_split_k;
 #[cfg(windows)]
 pub(crate) use weights::{Weight, weights_as_inputs};

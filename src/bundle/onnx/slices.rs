@@ -40,8 +40,8 @@ pub(crate) struct Splitting<'a> {
     names: HashMap<&'a str, usize>,
     /// For each node, whether it runs in a pass: whether it reads more than constants, and is not of the conditioning.
     runs: Vec<bool>,
-    /// The part of each node.
-    parts: Vec<Part>,
+    /// When each node runs.
+    runs_in: Vec<Part>,
     /// The values of noise levels alone that passes read, positions in `values`.
     of_levels: Vec<usize>,
     /// The same of controls.
@@ -88,12 +88,8 @@ enum Origin {
     Node(usize),
 }
 
-/// A transformer in slices, and what they read of its conditioning.
+/// A transformer in slices.
 pub(crate) struct Slices {
-    /// `None` if the transformer has no product of noise levels and weights.
-    pub(crate) of_levels: Option<ConditioningModel>,
-    /// `None` if the transformer has no product of controls and weights.
-    pub(crate) of_controls: Option<ConditioningModel>,
     /// In the order in which they run.
     pub(crate) models: Vec<SliceModel>,
     /// Values that one slice makes and later ones read.
@@ -102,7 +98,15 @@ pub(crate) struct Slices {
     pub(crate) buffer_sizes: Vec<usize>,
 }
 
-/// A part of the conditioning of a transformer.
+/// The conditioning of a transformer, the same with every number of slices.
+pub(crate) struct ConditioningModels {
+    /// `None` if the transformer has no product of noise levels and weights.
+    pub(crate) of_levels: Option<ConditioningModel>,
+    /// `None` if the transformer has no product of controls and weights.
+    pub(crate) of_controls: Option<ConditioningModel>,
+}
+
+/// One half of it.
 pub(crate) struct ConditioningModel {
     /// A model whose weights are those of the whole model.
     pub(crate) onnx: Vec<u8>,
@@ -184,7 +188,9 @@ pub fn slice_transformer(
 ) -> Result<Vec<Vec<u8>>> {
     manifest.geometry.check_window(g)?;
     let context = ModelContext { manifest, kind: GraphKind::Transformer, precision };
-    let Slices { of_levels, of_controls, models, .. } = Splitting::of(onnx, context, g)?.split(slices)?;
+    let splitting = Splitting::of(onnx, context, g)?;
+    let (ConditioningModels { of_levels, of_controls }, Slices { models, .. }) =
+        (splitting.conditioning()?, splitting.split(slices)?);
     let conditioning = of_levels.into_iter().chain(of_controls).map(|model| model.onnx);
     Ok(conditioning.chain(models.into_iter().map(|model| model.onnx)).collect())
 }
@@ -215,13 +221,13 @@ impl<'a> Splitting<'a> {
             values: Vec::new(),
             names: HashMap::new(),
             runs: Vec::new(),
-            parts: Vec::new(),
+            runs_in: Vec::new(),
             of_levels: Vec::new(),
             of_controls: Vec::new(),
             starts: Vec::new(),
             work: OnceCell::new(),
         };
-        splitting.parts = parts(&splitting.graph);
+        splitting.runs_in = parts(&splitting.graph);
         splitting.add_values(shapes)?;
         splitting.starts = splitting.starts()?;
         Ok(splitting)
@@ -249,14 +255,7 @@ impl<'a> Splitting<'a> {
     /// `InvalidArgument` for a number of slices that the transformer cannot have; `InvalidBundle` if a value between slices is
     /// no floating-point tensor.
     pub(crate) fn split(&self, slices: u32) -> Result<Slices> {
-        let conditioning = |part| self.write_conditioning(part).map_err(|fault| self.context.to_error(fault));
-        let mut split = Slices {
-            of_levels: conditioning(Part::Levels)?,
-            of_controls: conditioning(Part::Controls)?,
-            models: Vec::new(),
-            intermediates: Vec::new(),
-            buffer_sizes: Vec::new(),
-        };
+        let mut split = Slices { models: Vec::new(), intermediates: Vec::new(), buffer_sizes: Vec::new() };
         let mut positions = HashMap::new();
         let mut write = |slice, parts: Range<usize>| {
             let model = self.write(slice, self.nodes(&parts), &mut positions, &mut split.intermediates)?;
@@ -268,6 +267,15 @@ impl<'a> Splitting<'a> {
         }
         split.assign_buffers();
         Ok(split)
+    }
+
+    /// The models of the conditioning.
+    ///
+    /// # Errors
+    /// `InvalidBundle` if a value that passes read of it is no floating-point tensor.
+    pub(crate) fn conditioning(&self) -> Result<ConditioningModels> {
+        let model = |part| self.write_conditioning(part).map_err(|fault| self.context.to_error(fault));
+        Ok(ConditioningModels { of_levels: model(Part::Levels)?, of_controls: model(Part::Controls)? })
     }
 
     fn groups(&self, slices: u32) -> Result<Vec<Range<usize>>> {
@@ -315,7 +323,7 @@ impl<'a> Splitting<'a> {
                 is_folded &= matches!(self.values[value].origin, Origin::Tensor(_) | Origin::Folded(_));
                 read.push(value);
             }
-            let runs = !is_folded && self.parts[i] == Part::Pass;
+            let runs = !is_folded && self.runs_in[i] == Part::Pass;
             self.runs.try_reserve(1).map_err(Fault::no_memory)?;
             self.runs.push(runs);
             let made = if is_folded { None } else { shapes.next() };
@@ -336,11 +344,11 @@ impl<'a> Splitting<'a> {
             let value = find(&self.names, output.name)?;
             self.values[value].output = Some(i);
         }
-        // No pass reads a value of its first node.
+        // Node 0 reads none of these values, so that 0 says that no pass does.
         let read = |part| {
             let is_one = |i: &usize| {
                 let Value { origin, last_use, .. } = self.values[*i];
-                matches!(origin, Origin::Conditioning(node) if self.parts[node] == part && last_use > 0)
+                matches!(origin, Origin::Conditioning(node) if self.runs_in[node] == part && last_use > 0)
             };
             (0..self.values.len()).filter(is_one).collect::<Vec<_>>()
         };
@@ -474,7 +482,7 @@ impl<'a> Splitting<'a> {
         if made.is_empty() {
             return Ok(None);
         }
-        let own = (0..self.parts.len()).filter(|&i| self.parts[i] == part).collect();
+        let own = (0..self.runs_in.len()).filter(|&i| self.runs_in[i] == part).collect();
         let outputs: Vec<_> = made.iter().enumerate().map(|(at, &value)| (tensor(at), value)).collect();
         let fault = |value: usize| Fault::new(format!("the conditioning reads {}", quoted(self.values[value].name)));
         let (onnx, inputs, footprint) = self.write_model(own, &outputs, |value| Err(fault(value)))?;
@@ -649,6 +657,13 @@ impl<'a> GraphFields<'a> {
     }
 }
 
+impl ConditioningModel {
+    /// Bytes that its session takes: weights in the types in which it reads them, and intermediate values.
+    pub(crate) fn session_bytes(&self) -> u64 {
+        self.footprint.weights.saturating_add(self.footprint.peak)
+    }
+}
+
 impl NamedTensor {
     /// Size in bytes.
     pub(crate) fn bytes(&self) -> usize {
@@ -791,8 +806,7 @@ mod tests {
             value(&[2, 2], (2, 3)),
             value(&[4], (3, 4)),
         ];
-        let mut slices =
-            Slices { of_levels: None, of_controls: None, models: Vec::new(), intermediates, buffer_sizes: Vec::new() };
+        let mut slices = Slices { models: Vec::new(), intermediates, buffer_sizes: Vec::new() };
         slices.assign_buffers();
         let buffers: Vec<usize> = slices.intermediates.iter().map(|value| value.buffer).collect();
         assert_eq!(buffers, [0, 1, 2, 3, 0, 3]);

@@ -20,6 +20,7 @@ use crate::world::kv_cache::{KvCache, KvPart, MadeCommit};
 use crate::world::passes::Passes;
 use crate::world::plan::{CachePass, StepPlan};
 use crate::world::resize::Bilinear;
+use crate::world::schedule::SigmaTable;
 use crate::world::world::World;
 use crate::{Error, ErrorKind, Picture, Result};
 
@@ -101,6 +102,11 @@ impl DeviceState {
         })
     }
 
+    /// Prepares passes at the noise levels of a schedule.
+    pub(super) fn prepare_levels(&mut self, table: &SigmaTable) -> Result<()> {
+        self.passes.prepare_levels(&mut *self.context, table)
+    }
+
     /// Maximum number of denoise passes of a step.
     pub(super) fn max_passes(&self) -> usize {
         self.passes.max_passes()
@@ -158,7 +164,10 @@ impl DeviceState {
     fn try_execute(&mut self, plan: &StepPlan, measured: &mut StepMeasurement) -> Result<()> {
         self.passes.prepare(&mut *self.context, plan, [0.0, 0.0])?;
         let start = Instant::now();
-        self.passes.embed_controls(&mut *self.context)?;
+        // A joined pass embeds its own.
+        if plan.pending.is_none() || plan.sigmas.len() > 1 {
+            self.passes.embed_controls(&mut *self.context)?;
+        }
         self.passes.start(&mut *self.context, plan)?;
         let Some(pending) = &plan.pending else { return self.execute_from(plan, 0, start, measured) };
         self.passes.joined_pass(&mut *self.context, plan, pending)?;

@@ -17,9 +17,12 @@ impl Rollout {
     /// Changes the noise levels of all following latents; memory, clocks and seed stay.
     ///
     /// # Errors
-    /// As for [`Schedule::table`]. Nothing has changed then.
+    /// As for [`Schedule::table`]; `OutOfMemory` and `Device` if what passes need of noise levels that no preset has cannot be computed. Nothing has
+    /// changed then.
     pub fn set_schedule(&mut self, schedule: &Schedule) -> Result<()> {
         let table = schedule.table(&self.world.manifest().sampler)?;
+        self.world.prepare_levels(&table)?;
+        self.device.prepare_levels(&table)?;
         self.planner.set_table(table);
         self.point.schedule = schedule.clone();
         Ok(())
@@ -44,6 +47,7 @@ impl Rollout {
             return Ok(());
         };
         let budget = LatentBudget::new(per_latent, schedules, &self.world.manifest().sampler)?;
+        prepare_levels(&self.world, schedules)?;
         self.set_schedule(first)?;
         self.limits = Limits::Latents(budget);
         Ok(())
@@ -71,6 +75,8 @@ impl Rollout {
     /// then.
     pub fn govern(&mut self, budget: &Budget, worlds: &[Arc<World>]) -> Result<Arc<Governor>> {
         let settings = GovernorSettings::new(budget, worlds, &self.world, &self.point.schedule)?;
+        let schedules = [std::slice::from_ref(&self.point.schedule), &budget.schedules].concat();
+        worlds.iter().chain([&self.world]).try_for_each(|world| prepare_levels(world, &schedules))?;
         let governor = settings.governor().clone();
         self.limits = Limits::Frames(settings);
         Ok(governor)
@@ -106,7 +112,7 @@ impl Rollout {
         if schedule != self.point.schedule
             && let Err(why) = self.set_schedule(&schedule)
         {
-            // Does not fail: the schedule was checked when the budget was set.
+            // The schedule was checked when the budget was set, so that only the device can have failed.
             log::warn!("schedule {schedule} cannot be used: {why}");
         }
     }
@@ -129,7 +135,7 @@ impl Rollout {
             Limits::Latents(budget) => {
                 let Some((schedule, mean)) = budget.record_latent(wall) else { return };
                 let schedule = schedule.clone();
-                // Does not fail: the schedule was checked when the budget was set.
+                // The schedule was checked when the budget was set, so that only the device can fail.
                 match self.set_schedule(&schedule) {
                     Ok(()) => {
                         log::info!("latents take {mean:?} each: they are made by schedule {schedule} from now on")
@@ -145,6 +151,12 @@ impl Rollout {
             }
         }
     }
+}
+
+/// Computes what passes of `world` need of the noise levels of all of `schedules`, so that no step has to when the schedule changes.
+fn prepare_levels(world: &World, schedules: &[Schedule]) -> Result<()> {
+    let tables = schedules.iter().map(|schedule| schedule.table(&world.manifest().sampler));
+    tables.into_iter().try_for_each(|table| world.prepare_levels(&table?))
 }
 
 /// Bytes of the device's memory budget that are left, negative if it is exceeded; `None` if unknown.

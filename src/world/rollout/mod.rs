@@ -19,7 +19,7 @@ mod window;
 #[cfg(test)]
 #[path = "../../../tests/support/src/worlds.rs"]
 #[allow(dead_code, unreachable_pub, reason = "the crate has all of it")]
-mod worlds;
+pub(super) mod worlds;
 
 use std::borrow::Borrow;
 use std::sync::Arc;
@@ -86,10 +86,14 @@ impl Rollout {
     ) -> Result<Self> {
         world.check_point(point)?;
         world.check_rollout_fits(freed)?;
+        let planner = Planner::new(world.manifest(), point, seed)?;
+        world.prepare_levels(planner.sigma_table())?;
+        let mut device = DeviceState::new(world, stop.clone())?;
+        device.prepare_levels(planner.sigma_table())?;
         Ok(Self {
-            planner: Planner::new(world.manifest(), point, seed)?,
+            planner,
             point: point.clone(),
-            device: DeviceState::new(world, stop.clone())?,
+            device,
             plan: StepPlan::default(),
             readback: Readback::new(world)?,
             times: Times::default(),

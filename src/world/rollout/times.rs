@@ -79,6 +79,11 @@ impl Times {
             let joined = gpu_time(Work::Runs(graph))?;
             passes = passes.merge(GpuTimeStatistics { count: 2 * joined.count, ..joined });
         }
+        // What passes need of the controls is part of their time, and no pass of its own.
+        let transformers = std::iter::once(&world.transformer).chain(&world.joined);
+        for graph in transformers.filter_map(|transformer| transformer.controls()) {
+            passes = GpuTimeStatistics { count: passes.count, ..passes.merge(gpu_time(Work::Runs(graph))?) };
+        }
         let earlier = &self.earlier;
         Some(DeviceTimes {
             encode: earlier.encode.merge(gpu_time(Work::Runs(&world.encoder))?),
