@@ -437,7 +437,8 @@ def _named_worlds(options: argparse.Namespace) -> list[tuple[str, Geometry, Quan
 
 
 def _costs(options: argparse.Namespace) -> int:
-    print(json.dumps({name: costs.world_costs(g, q) for name, g, q in _named_worlds(options)}))
+    stored = {bundle.stem: costs.stored_graphs(bundle) for bundle in options.bundles}
+    print(json.dumps({name: costs.world_costs(g, q, stored.get(name)) for name, g, q in _named_worlds(options)}))
     return 0
 
 

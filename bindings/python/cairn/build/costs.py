@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import astuple, dataclass
+from pathlib import Path
 
+import onnx
+
+from . import archive
 from .conditioning import CONTROLS, PASS, parts
 from .geometry import Geometry
 from .graph import Graph
 from .quantise import Quantisation
+from .reader import read_manifest, read_model
 from .sizes import ITEM_BYTES, value_sizes
 from .writer import build_graphs
 
@@ -25,7 +30,7 @@ class NodeCost:
     written: int  # bytes of all outputs
 
 
-def node_costs(graph: Graph, dimensions: dict[str, int], part: str = PASS) -> list[NodeCost]:
+def node_costs(graph: Graph | StoredGraph, dimensions: dict[str, int], part: str = PASS) -> list[NodeCost]:
     """The nodes that run, in the graph's order. A node that reads constants only is computed once, when the graph is loaded, and is left out. So are
     the nodes of other parts of a transformer, such as its conditioning."""
     model, sizes = value_sizes(graph, dimensions)
@@ -67,10 +72,30 @@ def node_costs(graph: Graph, dimensions: dict[str, int], part: str = PASS) -> li
     return costs
 
 
-def world_costs(g: Geometry, quantisation: Quantisation | None = None) -> dict:
+@dataclass(frozen=True)
+class StoredGraph:
+    """A graph of a bundle."""
+
+    content: onnx.ModelProto
+
+    def model(self) -> onnx.ModelProto:
+        """A copy, which the caller may change."""
+        copy = onnx.ModelProto()
+        copy.CopyFrom(self.content)
+        return copy
+
+
+def stored_graphs(bundle: Path) -> dict[str, StoredGraph]:
+    """The float16 graphs of a bundle, by their kinds: those of an earlier version of the builder may differ from what this one builds."""
+    with archive.verified_folder(bundle) as folder:
+        paths = read_manifest(folder)["graphs"]["f16"]
+        return {kind: StoredGraph(read_model((folder / path).read_bytes(), path)) for kind, path in paths.items()}
+
+
+def world_costs(g: Geometry, quantisation: Quantisation | None = None, graphs: dict[str, StoredGraph] | None = None) -> dict:
     """Costs of the graphs in float16 at the stock window, for `json`: for each graph a list of its nodes' values. "controls" is the part of the
-    transformer that embeds controls."""
-    graphs = build_graphs(g, "f16", quantisation=quantisation)
+    transformer that embeds controls. `graphs` are those of a bundle; without them, those that would be built are counted."""
+    graphs = {kind: graph for kind, graph in (graphs or build_graphs(g, "f16", quantisation=quantisation)).items() if kind != "joined"}
     dimensions = {"transformer": g.dimensions(g.global_window)}
     costs = {kind: node_costs(graph, dimensions.get(kind, {})) for kind, graph in graphs.items()}
     costs["controls"] = node_costs(graphs["transformer"], dimensions["transformer"], CONTROLS)

@@ -8,14 +8,13 @@ import onnx
 from onnx import shape_inference
 
 from . import contrib
-from .graph import Graph
 
 # Bytes of one number by its ONNX type.
 ITEM_BYTES = {onnx.TensorProto.FLOAT: 4, onnx.TensorProto.FLOAT16: 2, onnx.TensorProto.INT64: 8, onnx.TensorProto.UINT8: 1}
 
 
-def value_sizes(graph: Graph, dimensions: dict[str, int]) -> tuple[onnx.ModelProto, dict[str, tuple[list[int], int]]]:
-    """The model with its symbolic dimensions fixed, and the shape and size in bytes of every node's output."""
+def value_sizes(graph, dimensions: dict[str, int]) -> tuple[onnx.ModelProto, dict[str, tuple[list[int], int]]]:
+    """The model of a `Graph` or of a stored one with its symbolic dimensions fixed, and the shape and size in bytes of every node's output."""
     contrib.register()
     model = graph.model()
     for value in [*model.graph.input, *model.graph.output]:

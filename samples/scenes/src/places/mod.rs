@@ -242,7 +242,7 @@ impl Builder {
     }
 
     fn finish(mut self) -> Buildings {
-        self.buildings.chunks.extend(self.parts.into_values().map(|mesh| Chunk::new(mesh)));
+        self.buildings.chunks.extend(self.parts.into_values().map(Chunk::new));
         self.buildings
     }
 }
