@@ -30,7 +30,7 @@ A sweep is a file in TOML:
   seconds = 15                     # of world time
   size = [320, 180]                # at which everything is compared
   base = \"coherence\"               # what the axes change: a preset, and what differs from it
-  budgets = [170, 195]             # in GFLOP for a second of world time: the report names the best point of each
+  budgets = [170, 192]             # in GFLOP for a second of world time: the report names the best point of each
 
   [sweep]                          # every combination of:
   window = [112, 256, 384, 512]    # g, in latents

@@ -101,7 +101,8 @@ pub(crate) fn budget(manifest: &Manifest, source: &Manifest, bundle: &Bundle) ->
     let primes = u64::from(bundle.geometry().autoencoder.temporal - 1);
     let (passes, decodes) = (source.counts.passes as f64, (manifest.counts.latents + primes) as f64);
     let sum = |of: fn(&cairn::bundle::GraphCost) -> u64| {
-        passes * of(&work.pass) as f64 + of(&work.encode) as f64 + decodes * of(&work.decode) as f64
+        let of_latents = source.counts.latents as f64 * of(&work.controls) as f64;
+        passes * of(&work.pass) as f64 + of_latents + of(&work.encode) as f64 + decodes * of(&work.decode) as f64
     };
     let time = |manifest: &Manifest, stages: &[&str]| {
         stages.iter().filter_map(|stage| manifest.timings.get(*stage)).fold(0.0, |sum, time| sum + time) / seconds

@@ -320,7 +320,8 @@ pub(super) mod tests {
             let passes = point.point.schedule.table(&bundle.manifest().sampler).unwrap().passes() as u64 + 1;
             let latents = point.point.counts(seconds).latents;
             let decodes = latents + u64::from(bundle.geometry().autoencoder.temporal - 1);
-            let products = passes * latents * work.pass.multiply_adds + decodes * work.decode.multiply_adds;
+            let of_latent = passes * work.pass.multiply_adds + work.controls.multiply_adds;
+            let products = latents * of_latent + decodes * work.decode.multiply_adds;
             2e-9 * (products + work.encode.multiply_adds) as f64 / seconds.seconds()
         };
         let costs: Vec<f64> = settings.points.iter().map(gflop).collect();
