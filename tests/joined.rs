@@ -201,7 +201,8 @@ fn the_memory_of_joined_passes_is_counted() {
     let bundle = bundle("joined");
     let need = |passes| bundle.memory_need_in(Precision::F32, processor(&device), 16, passes).expect("a need");
     let [whole, joined, shared] =
-        [Passes::Slices(1), Passes::Joined { shared_weights: false }, Passes::Joined { shared_weights: true }].map(need);
+        [Passes::Slices(1), Passes::Joined { shared_weights: false }, Passes::Joined { shared_weights: true }]
+            .map(need);
     assert_eq!(load(None, Precision::F32).memory_need(), &joined);
     assert_eq!(joined.slabs, 3 * whole.slabs);
     assert!(joined.intermediates > 2 * whole.intermediates && joined.ring == whole.ring);

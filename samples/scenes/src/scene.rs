@@ -241,8 +241,7 @@ impl Scene {
         }
         let SceneBuilder { cells, plants, obstacles, objects, .. } = builder;
         let ground = TriangleMaterial { material: Material::Ground, variant: 0 };
-        let mut chunks: Vec<Chunk> =
-            cells.into_values().chain(terrain.tiles(ground)).map(Chunk::new).collect();
+        let mut chunks: Vec<Chunk> = cells.into_values().chain(terrain.tiles(ground)).map(Chunk::new).collect();
         if family == Family::Sword {
             chunks.push(Chunk::held_item(objects::sword()));
         }

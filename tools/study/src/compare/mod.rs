@@ -54,12 +54,14 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
     let scored = score::score(settings, &made, lpips.as_ref(), progress, stop)?;
     let budgets = budget::budgets(&made.cells, &bundle)?;
     let mut files: Vec<PathBuf> = scored.iter().map(|scored| scored.file.clone()).collect();
-    let videos = scored.iter().map(|scored| {
-        let frames = scored.series.first().map_or(1, |series| series.rows.len() as u64);
-        video::video(scored.scene, &scored.key, frames, settings, progress, stop)
-    });
-    let videos = videos.collect::<Result<Vec<_>>>()?;
-    files.extend_from_slice(&videos);
+    let video = |place: &score::SceneScores| {
+        let frames = place.series.first().map_or(1, |series| series.rows.len() as u64);
+        video::video(place.scene, &place.key, frames, settings, progress, stop)
+    };
+    // The report shows the first place of each kind. The other videos take longer than all of the report, and follow it.
+    let is_first = |&at: &usize| !scored[..at].iter().any(|place| place.scene.family == scored[at].scene.family);
+    let (first, others): (Vec<usize>, Vec<usize>) = (0..scored.len()).partition(is_first);
+    let videos = first.iter().map(|&at| Ok((&scored[at], video(&scored[at])?))).collect::<Result<Vec<_>>>()?;
     let found =
         report::Results { settings, bundle: &bundle, made: &made, budgets: &budgets, scored: &scored, videos: &videos };
     let rollouts = made.cells.iter().chain(&made.straight).map(|(_, manifest)| manifest);
@@ -67,6 +69,10 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
     files.extend(report.write(&settings.out, REPORT)?);
     if let Some(folder) = &settings.publish {
         files.extend(report.write_compressed(folder, REPORT)?);
+    }
+    files.extend(videos.into_iter().map(|(_, path)| path));
+    for at in others {
+        files.push(video(&scored[at])?);
     }
     Ok(ExperimentOutcome { text: report.markdown, files })
 }

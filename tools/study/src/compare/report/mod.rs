@@ -43,8 +43,8 @@ pub(super) struct Results<'a> {
     /// Of all cells, in order.
     pub(super) budgets: &'a [Budget],
     pub(super) scored: &'a [SceneScores],
-    /// Path of the side-by-side video of each scene.
-    pub(super) videos: &'a [PathBuf],
+    /// The first place of each kind, and the path of its side-by-side video.
+    pub(super) videos: &'a [(&'a SceneScores, PathBuf)],
 }
 
 impl Results<'_> {
@@ -99,10 +99,8 @@ pub(super) fn report(found: &Results<'_>) -> Result<Document> {
         "All streams of a place in step, a contact sheet of six moments, and how each stream goes over time: means of half a \
          second. The folder of every place has its video, and in series.csv the figures of every frame.",
     ));
-    for (scored, video) in scored.iter().zip(found.videos) {
-        if first(found, scored.scene.family) == Some(scored.scene) {
-            blocks.extend(of_scene(scored, video, settings)?);
-        }
+    for (place, video) in found.videos {
+        blocks.extend(of_scene(place, video, settings)?);
     }
     Ok(Document::new(TITLE, &blocks))
 }
