@@ -189,8 +189,10 @@ fn passes_are_timed_on_the_device_and_named_on_the_queue() {
     let start = std::time::Instant::now();
     steps(&mut rollout, 0..2);
     // The names that GPU profiling tools show.
-    let [pass, decode, check, commit] = ["transformer", "decoder", "check for NaN and infinity", "commit"];
-    let names_of_a_step = [pass, pass, pass, pass, pass, decode, check, commit].map(|name| format!("Cairn: {name}"));
+    let [controls, pass, decode] = ["controls", "transformer", "decoder"];
+    let [check, commit] = ["check for NaN and infinity", "commit"];
+    let names_of_a_step =
+        [controls, pass, pass, pass, pass, pass, decode, check, commit].map(|name| format!("Cairn: {name}"));
     assert_eq!(queue_events::take_names(&queue), [names_of_a_step.clone(), names_of_a_step].concat());
     // Waits for all submitted work, including the last commit.
     rollout.latent().expect("a latent");
@@ -305,7 +307,8 @@ fn captured_passes_give_the_same_bits_and_others_report_the_reason() {
     assert_eq!((captured.used, captured.unused), (5, 0), "all that ran often enough: {captured:?}");
     let (bits, captured) = run(&world);
     assert!(bits == truth, "the same bits: {captured:?}");
-    assert_eq!((captured.used, captured.unused), (0, 5), "the first rollout took them: {captured:?}");
+    // Of each graph as many are captured as may be. The first rollout took them, but for one of the graph that embeds controls, which has one each.
+    assert_eq!((captured.used, captured.unused), (1, 4), "{captured:?}");
     assert!(captured.reason.is_some_and(|why| why.contains("as many passes are captured as may be")));
 }
 
