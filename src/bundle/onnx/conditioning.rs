@@ -38,20 +38,25 @@ impl Part {
 }
 
 /// The part of each node. Nodes that read only constants are of the pass, and written to each part that needs them.
-pub(super) fn parts(graph: &Graph<'_>) -> Vec<Part> {
+pub(super) fn parts(graph: &Graph<'_>) -> CheckResult<Vec<Part>> {
     let mut parts = vec![Part::Pass; graph.nodes.len()];
     for part in [Part::Levels, Part::Controls] {
-        let own = nodes_of(graph, part.input());
+        let own = nodes_of(graph, part.input())?;
         parts.iter_mut().zip(own).filter(|(_, is_own)| *is_own).for_each(|(found, _)| *found = part);
     }
-    parts
+    Ok(parts)
 }
 
 /// For each node, whether its values depend on `input` alone, and a product with weights needs them or makes them.
-fn nodes_of(graph: &Graph<'_>, input: &str) -> Vec<bool> {
+fn nodes_of(graph: &Graph<'_>, input: &str) -> CheckResult<Vec<bool>> {
     let outputs: HashSet<&str> = graph.outputs.iter().map(|output| output.name).collect();
-    let mut constants: HashSet<&str> = graph.tensors.iter().map(|tensor| tensor.name).collect();
-    let mut of_input = HashSet::from([input]);
+    let values = graph.tensors.len() + 2 * graph.nodes.len();
+    let (mut constants, mut of_input, mut needed): (HashSet<&str>, HashSet<&str>, HashSet<&str>) = Default::default();
+    for set in [&mut constants, &mut of_input, &mut needed] {
+        set.try_reserve(values).map_err(Fault::no_memory)?;
+    }
+    constants.extend(graph.tensors.iter().map(|tensor| tensor.name));
+    of_input.insert(input);
     let mut is_product = vec![false; graph.nodes.len()];
     for (node, is_product) in graph.nodes.iter().zip(&mut is_product) {
         let read: Vec<&str> = node.inputs.iter().copied().filter(|name| !name.is_empty()).collect();
@@ -66,7 +71,6 @@ fn nodes_of(graph: &Graph<'_>, input: &str) -> Vec<bool> {
             *is_product = has_constant && matches!(node.operator, "MatMul" | "Gemm" | NBITS);
         }
     }
-    let mut needed: HashSet<&str> = HashSet::new();
     let mut nodes = vec![false; graph.nodes.len()];
     for (i, node) in graph.nodes.iter().enumerate().rev() {
         nodes[i] = is_product[i] || node.outputs.iter().any(|name| of_input.contains(name) && needed.contains(name));
@@ -74,7 +78,7 @@ fn nodes_of(graph: &Graph<'_>, input: &str) -> Vec<bool> {
             needed.extend(node.inputs.iter().copied());
         }
     }
-    nodes
+    Ok(nodes)
 }
 
 /// The model with its weights inside, so that it needs no other file.

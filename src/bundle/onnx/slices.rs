@@ -15,7 +15,7 @@ use super::interface::{Interface, Port};
 use super::proto::{self, Data, Graph};
 use super::shape_inference::{Footprint, Named, infer_sizes};
 use super::wire::{Field, Fields};
-use super::writer::{write_bytes, write_int};
+use super::writer::{reserved, write_bytes, write_int};
 use super::{CheckResult, DataType, Fault, ModelContext, Shape, quoted};
 use crate::bundle::cost::GraphCost;
 use crate::bundle::{Bundle, GraphKind, Manifest, Precision};
@@ -24,6 +24,8 @@ use crate::{Error, ErrorKind, Result};
 /// Multiply-adds that count as much as one byte that is moved. Processors do fewer in that time, graphics adapters more; the layers of a
 /// transformer are so much alike that the shares hardly depend on it.
 const MULTIPLY_ADDS_PER_BYTE: u64 = 16;
+/// Bytes of a value's name, type and shape in a model, at most.
+const MAX_VALUE_INFO: usize = 1024;
 
 /// A transformer, and the nodes between which it can be split.
 pub(crate) struct Splitting<'a> {
@@ -206,6 +208,7 @@ impl<'a> Splitting<'a> {
         let interface = Interface { inputs, outputs };
         interface.check(&model.graph.inputs, &model.graph.outputs)?;
         let mut shapes = Vec::new();
+        shapes.try_reserve_exact(model.graph.nodes.len()).map_err(Fault::no_memory)?;
         footprint_at(&model, context, window, &mut |_, _, outputs| shapes.push(outputs.to_vec()))?;
 
         let Interface { inputs, outputs } = interface;
@@ -227,7 +230,7 @@ impl<'a> Splitting<'a> {
             starts: Vec::new(),
             work: OnceCell::new(),
         };
-        splitting.runs_in = parts(&splitting.graph);
+        splitting.runs_in = parts(&splitting.graph)?;
         splitting.add_values(shapes)?;
         splitting.starts = splitting.starts()?;
         Ok(splitting)
@@ -542,7 +545,9 @@ impl<'a> Splitting<'a> {
         // Inputs in the order in which they are made; it does not depend on the order of the search.
         inputs.sort_by_key(|(_, value)| *value);
 
-        let mut graph = Vec::new();
+        // Names and types of values between models are not in the whole one.
+        let bytes = self.onnx.len() + (inputs.len() + outputs.len()) * MAX_VALUE_INFO;
+        let mut graph = reserved(bytes)?;
         for (field, _) in self.fields.nodes.iter().zip(&kept_nodes).filter(|(_, is_kept)| **is_kept) {
             field.write(&mut graph);
         }
@@ -561,7 +566,7 @@ impl<'a> Splitting<'a> {
                 }
             }
         }
-        let mut onnx = Vec::new();
+        let mut onnx = reserved(bytes)?;
         let mut fields = Fields::new("the model", self.onnx);
         while let Some(field) = fields.next()? {
             match field.number {
@@ -643,6 +648,9 @@ impl<'a> GraphFields<'a> {
             }
             let mut fields = field.message("the graph")?;
             while let Some(field) = fields.next()? {
+                // For whichever list it belongs to.
+                found.nodes.try_reserve(1).map_err(Fault::no_memory)?;
+                found.tensors.try_reserve(1).map_err(Fault::no_memory)?;
                 match field.number {
                     1 => found.nodes.push(field),
                     2 => found.name = Some(field),
