@@ -24,20 +24,21 @@ pub enum Processor {
 /// ring          = sum over layers of 2 * kv_heads * slots * T * head_width * F
 /// slabs         = layers * 2 * kv_heads * T * head_width * F
 /// weights       = every constant that a run reads, in the type in which it reads it: an f32 graph holds f16 weights as f32
-/// conditioning  = in the host's memory: the weights of what depends on noise levels alone, as they are stored, and the values at up to 64 levels
+/// conditioning  = in the host's memory: the weights of the nodes that depend on noise levels alone, as they are stored, and these nodes' results
+///                 at up to 64 levels
 /// intermediates = peak of the transformer's live intermediate values over all nodes; a value lives from the node that produces
 ///                 it to the last node that reads it, and `Reshape` shares its input's memory
-/// unpacked      = the largest matrix that a processor unpacks from 8 or 4 bits to multiply by it, of the passes and of what embeds controls; each
-///                 unpacks one at a time
+/// unpacked      = the largest matrix that a processor unpacks from 8 or 4 bits to multiply by it: one at a time in each session, so the largest of
+///                 a pass plus the largest of the embedding of controls
 /// autoencoder   = the same as intermediates for encoder and decoder, + their inputs and outputs
 /// arena         = intermediates + encoder's and decoder's intermediate values, a second time
 /// total         = bundle + the sum of these
 /// ```
 ///
-/// A world computes what depends on a noise level alone once, in a session of its own that it drops before it makes those of the passes, so that
-/// `weights` has none of it. What rollouts keep of it, a set of values for each noise level of the stock schedule, is part of `intermediates`. A schedule
-/// with levels that no preset has needs that session again for a moment, while its rollout is made. The session that embeds controls stays: its needs
-/// are part of those of the transformer.
+/// The nodes that depend on a noise level alone run once for each level, in a session of their own. The world drops this session before it makes those
+/// of the passes, so `weights` does not count it. Each rollout keeps the results for the levels of the stock schedule, which `intermediates` counts. A
+/// schedule with levels that no preset has needs the session again for a moment. The session that embeds controls stays, and is counted with the
+/// transformer's.
 ///
 /// With joined passes, `weights`, `intermediates` and `unpacked` are the sums of both graphs, except for weights that they share; there are three
 /// times the slabs.
@@ -57,7 +58,7 @@ pub struct MemoryNeed {
     pub bundle: u64,
     /// Weights as the runtime holds them, of all models.
     pub weights: u64,
-    /// Weights and values of what depends on noise levels alone, in the host's memory.
+    /// Weights and results of the nodes that depend on noise levels alone, in the host's memory.
     pub conditioning: u64,
     /// Keys and values of one rollout's ring.
     pub ring: u64,

@@ -15,40 +15,30 @@ use super::{CheckResult, Fault, quoted};
 use crate::Result;
 use crate::bundle::ModelSource;
 
-/// What a node of a transformer depends on, which says when it runs.
+/// When a node of a transformer runs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Part {
+pub(super) enum Runs {
+    /// Once, when its graph is loaded: it reads constants only.
+    AtLoad,
     /// Once for each noise level.
-    Levels,
-    /// Once for each step.
-    Controls,
+    PerLevel,
+    /// Once for each step, on its controls.
+    PerStep,
     /// In each pass.
-    Pass,
+    PerPass,
 }
 
-impl Part {
-    /// The input that nodes of this part alone depend on.
-    fn input(self) -> &'static str {
-        match self {
-            Self::Levels => "sigma",
-            Self::Controls => "controls",
-            Self::Pass => "",
-        }
+/// When each node runs.
+pub(super) fn when_nodes_run(graph: &Graph<'_>) -> CheckResult<Vec<Runs>> {
+    let mut found = vec![Runs::PerPass; graph.nodes.len()];
+    for (input, runs) in [("sigma", Runs::PerLevel), ("controls", Runs::PerStep)] {
+        mark_nodes_of(graph, input, runs, &mut found)?;
     }
+    Ok(found)
 }
 
-/// The part of each node. Nodes that read only constants are of the pass, and written to each part that needs them.
-pub(super) fn parts(graph: &Graph<'_>) -> CheckResult<Vec<Part>> {
-    let mut parts = vec![Part::Pass; graph.nodes.len()];
-    for part in [Part::Levels, Part::Controls] {
-        let own = nodes_of(graph, part.input())?;
-        parts.iter_mut().zip(own).filter(|(_, is_own)| *is_own).for_each(|(found, _)| *found = part);
-    }
-    Ok(parts)
-}
-
-/// For each node, whether its values depend on `input` alone, and a product with weights needs them or makes them.
-fn nodes_of(graph: &Graph<'_>, input: &str) -> CheckResult<Vec<bool>> {
+/// Marks nodes that read constants only, and those whose values depend on `input` alone, if a product with weights makes or needs them.
+fn mark_nodes_of(graph: &Graph<'_>, input: &str, runs: Runs, found: &mut [Runs]) -> CheckResult<()> {
     let outputs: HashSet<&str> = graph.outputs.iter().map(|output| output.name).collect();
     let values = graph.tensors.len() + 2 * graph.nodes.len();
     let (mut constants, mut of_input, mut needed): (HashSet<&str>, HashSet<&str>, HashSet<&str>) = Default::default();
@@ -58,27 +48,27 @@ fn nodes_of(graph: &Graph<'_>, input: &str) -> CheckResult<Vec<bool>> {
     constants.extend(graph.tensors.iter().map(|tensor| tensor.name));
     of_input.insert(input);
     let mut is_product = vec![false; graph.nodes.len()];
-    for (node, is_product) in graph.nodes.iter().zip(&mut is_product) {
+    for (i, node) in graph.nodes.iter().enumerate() {
         let read: Vec<&str> = node.inputs.iter().copied().filter(|name| !name.is_empty()).collect();
         let has_constant = read.iter().any(|name| constants.contains(name));
         if read.iter().all(|name| constants.contains(name)) {
             constants.extend(node.outputs.iter().copied());
+            found[i] = Runs::AtLoad;
         } else if read.iter().all(|name| constants.contains(name) || of_input.contains(name))
             // A pass must make its own outputs.
             && !node.outputs.iter().any(|name| outputs.contains(name))
         {
             of_input.extend(node.outputs.iter().copied());
-            *is_product = has_constant && matches!(node.operator, "MatMul" | "Gemm" | NBITS);
+            is_product[i] = has_constant && matches!(node.operator, "MatMul" | "Gemm" | NBITS);
         }
     }
-    let mut nodes = vec![false; graph.nodes.len()];
     for (i, node) in graph.nodes.iter().enumerate().rev() {
-        nodes[i] = is_product[i] || node.outputs.iter().any(|name| of_input.contains(name) && needed.contains(name));
-        if nodes[i] {
+        if is_product[i] || node.outputs.iter().any(|name| of_input.contains(name) && needed.contains(name)) {
             needed.extend(node.inputs.iter().copied());
+            found[i] = runs;
         }
     }
-    Ok(nodes)
+    Ok(())
 }
 
 /// The model with its weights inside, so that it needs no other file.

@@ -1,5 +1,4 @@
-//! Splits a transformer into its conditioning and slices: models of consecutive layers that compute together, to the bit, what the whole model
-//! computes.
+//! Splits a transformer into models of its conditioning, and slices: models of consecutive layers. Together they compute the bits of the whole model.
 //!
 //! A slice is a range of the transformer's nodes that run, without those of the conditioning. Constants, and nodes that read only constants, go into
 //! each model that uses them. A value that one slice makes and a later one reads is an intermediate tensor: an output of the first and an input of the
@@ -10,7 +9,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use super::check::{footprint_at, opset, parse};
-use super::conditioning::{Part, parts};
+use super::conditioning::{Runs, when_nodes_run};
 use super::interface::{Interface, Port};
 use super::proto::{self, Data, Graph};
 use super::shape_inference::{Footprint, Named, infer_sizes};
@@ -40,13 +39,11 @@ pub(crate) struct Splitting<'a> {
     window: u32,
     values: Vec<Value<'a>>,
     names: HashMap<&'a str, usize>,
-    /// For each node, whether it runs in a pass: whether it reads more than constants, and is not of the conditioning.
-    runs: Vec<bool>,
     /// When each node runs.
-    runs_in: Vec<Part>,
-    /// The values of noise levels alone that passes read, positions in `values`.
+    runs: Vec<Runs>,
+    /// Values that depend on noise levels alone and that passes read: positions in `values`.
     of_levels: Vec<usize>,
-    /// The same of controls.
+    /// The same for values that depend on controls alone.
     of_controls: Vec<usize>,
     /// The node at which each part starts: 0, and one between each two layers that can be separated.
     starts: Vec<usize>,
@@ -224,13 +221,12 @@ impl<'a> Splitting<'a> {
             values: Vec::new(),
             names: HashMap::new(),
             runs: Vec::new(),
-            runs_in: Vec::new(),
             of_levels: Vec::new(),
             of_controls: Vec::new(),
             starts: Vec::new(),
             work: OnceCell::new(),
         };
-        splitting.runs_in = parts(&splitting.graph)?;
+        splitting.runs = when_nodes_run(&splitting.graph)?;
         splitting.add_values(shapes)?;
         splitting.starts = splitting.starts()?;
         Ok(splitting)
@@ -277,8 +273,13 @@ impl<'a> Splitting<'a> {
     /// # Errors
     /// `InvalidBundle` if a value that passes read of it is no floating-point tensor.
     pub(crate) fn conditioning(&self) -> Result<ConditioningModels> {
-        let model = |part| self.write_conditioning(part).map_err(|fault| self.context.to_error(fault));
-        Ok(ConditioningModels { of_levels: model(Part::Levels)?, of_controls: model(Part::Controls)? })
+        let model = |runs, made: &[usize], tensor: fn(usize) -> SliceTensor| {
+            self.write_conditioning(runs, made, tensor).map_err(|fault| self.context.to_error(fault))
+        };
+        Ok(ConditioningModels {
+            of_levels: model(Runs::PerLevel, &self.of_levels, SliceTensor::OfLevels)?,
+            of_controls: model(Runs::PerStep, &self.of_controls, SliceTensor::OfControls)?,
+        })
     }
 
     fn groups(&self, slices: u32) -> Result<Vec<Range<usize>>> {
@@ -308,7 +309,7 @@ impl<'a> Splitting<'a> {
         start(parts.start)..start(parts.end)
     }
 
-    /// Fills `values`, `names`, `runs`, `of_levels` and `of_controls`. `shapes` has the shapes of the outputs of each node that reads more than constants.
+    /// Fills `values`, `names`, `of_levels` and `of_controls`. `shapes` has the shapes of the outputs of each node that reads more than constants.
     fn add_values(&mut self, shapes: Vec<Vec<Shape>>) -> CheckResult<()> {
         let mut shapes = shapes.into_iter();
         for (i, (value, port)) in self.graph.inputs.iter().zip(&self.inputs).enumerate() {
@@ -319,28 +320,20 @@ impl<'a> Splitting<'a> {
             add(&mut self.values, &mut self.names, tensor.name, Origin::Tensor(i), None)?;
         }
         for (i, node) in self.graph.nodes.iter().enumerate() {
-            let mut is_folded = true;
-            let mut read = Vec::with_capacity(node.inputs.len());
+            let (origin, made) = match self.runs[i] {
+                Runs::AtLoad => (Origin::Folded(i), None),
+                Runs::PerPass => (Origin::Node(i), shapes.next()),
+                Runs::PerLevel | Runs::PerStep => (Origin::Conditioning(i), shapes.next()),
+            };
             for name in node.inputs.iter().filter(|name| !name.is_empty()) {
                 let value = find(&self.names, name)?;
-                is_folded &= matches!(self.values[value].origin, Origin::Tensor(_) | Origin::Folded(_));
-                read.push(value);
+                if self.runs[i] == Runs::PerPass {
+                    self.values[value].last_use = i;
+                }
             }
-            let runs = !is_folded && self.runs_in[i] == Part::Pass;
-            self.runs.try_reserve(1).map_err(Fault::no_memory)?;
-            self.runs.push(runs);
-            let made = if is_folded { None } else { shapes.next() };
             for (j, name) in node.outputs.iter().enumerate() {
-                let origin = match (is_folded, runs) {
-                    (true, _) => Origin::Folded(i),
-                    (false, true) => Origin::Node(i),
-                    (false, false) => Origin::Conditioning(i),
-                };
                 let shape = made.as_ref().and_then(|made| made.get(j)).cloned();
                 add(&mut self.values, &mut self.names, name, origin, shape)?;
-            }
-            if runs {
-                read.into_iter().for_each(|value| self.values[value].last_use = i);
             }
         }
         for (i, output) in self.graph.outputs.iter().enumerate() {
@@ -348,14 +341,14 @@ impl<'a> Splitting<'a> {
             self.values[value].output = Some(i);
         }
         // Node 0 reads none of these values, so that 0 says that no pass does.
-        let read = |part| {
+        let read = |runs| {
             let is_one = |i: &usize| {
                 let Value { origin, last_use, .. } = self.values[*i];
-                matches!(origin, Origin::Conditioning(node) if self.runs_in[node] == part && last_use > 0)
+                matches!(origin, Origin::Conditioning(node) if self.runs[node] == runs && last_use > 0)
             };
             (0..self.values.len()).filter(is_one).collect::<Vec<_>>()
         };
-        (self.of_levels, self.of_controls) = (read(Part::Levels), read(Part::Controls));
+        (self.of_levels, self.of_controls) = (read(Runs::PerLevel), read(Runs::PerStep));
         Ok(())
     }
 
@@ -364,7 +357,7 @@ impl<'a> Splitting<'a> {
     fn starts(&self) -> CheckResult<Vec<usize>> {
         let (nodes, layers) = (self.graph.nodes.len(), self.context.manifest.geometry.layers as usize);
         let mut touched: Vec<Option<(usize, usize)>> = vec![None; layers];
-        for (i, node) in self.graph.nodes.iter().enumerate().filter(|(i, _)| self.runs[*i]) {
+        for (i, node) in self.graph.nodes.iter().enumerate().filter(|(i, _)| self.runs[*i] == Runs::PerPass) {
             let layer = |name: &&str, of: fn(&Self, &Value<'_>) -> Option<usize>| {
                 self.names.get(name).and_then(|&value| of(self, &self.values[value]))
             };
@@ -451,7 +444,7 @@ impl<'a> Splitting<'a> {
         list: &mut Vec<IntermediateTensor>,
     ) -> CheckResult<SliceModel> {
         let mut outputs = Vec::new();
-        let own: Vec<usize> = nodes.clone().filter(|&i| self.runs[i]).collect();
+        let own: Vec<usize> = nodes.clone().filter(|&i| self.runs[i] == Runs::PerPass).collect();
         for name in own.iter().flat_map(|&i| &self.graph.nodes[i].outputs) {
             let value = find(&self.names, name)?;
             match self.values[value] {
@@ -475,17 +468,17 @@ impl<'a> Splitting<'a> {
         Ok(SliceModel { onnx, inputs, outputs, footprint })
     }
 
-    /// Writes the model of a part of the conditioning, if there is any that passes read.
-    fn write_conditioning(&self, part: Part) -> CheckResult<Option<ConditioningModel>> {
-        let (made, tensor): (_, fn(usize) -> SliceTensor) = match part {
-            Part::Levels => (&self.of_levels, SliceTensor::OfLevels),
-            Part::Controls => (&self.of_controls, SliceTensor::OfControls),
-            Part::Pass => return Ok(None),
-        };
+    /// Writes the model of the nodes that run so often and make the values `made`, if there are any.
+    fn write_conditioning(
+        &self,
+        runs: Runs,
+        made: &[usize],
+        tensor: fn(usize) -> SliceTensor,
+    ) -> CheckResult<Option<ConditioningModel>> {
         if made.is_empty() {
             return Ok(None);
         }
-        let own = (0..self.runs_in.len()).filter(|&i| self.runs_in[i] == part).collect();
+        let own = (0..self.runs.len()).filter(|&i| self.runs[i] == runs).collect();
         let outputs: Vec<_> = made.iter().enumerate().map(|(at, &value)| (tensor(at), value)).collect();
         let fault = |value: usize| Fault::new(format!("the conditioning reads {}", quoted(self.values[value].name)));
         let (onnx, inputs, footprint) = self.write_model(own, &outputs, |value| Err(fault(value)))?;
@@ -502,8 +495,9 @@ impl<'a> Splitting<'a> {
         Ok(Some(ConditioningModel { onnx, input, values, footprint, stored_weights }))
     }
 
-    /// Writes a model of the nodes `own` that makes `outputs`. What a node reads of others that read more than constants is an input, which
-    /// `of_earlier` finds if no table of this splitting has it. Also returns the inputs, and the sizes.
+    /// Writes a model of the nodes `own`, and of the constants that they read. It makes `outputs`. Other values that the nodes read are its inputs:
+    /// inputs and outputs of the whole model, the conditioning, and values of earlier models, which `of_earlier` finds. Returns the model, its inputs
+    /// and its sizes.
     fn write_model(
         &self,
         own: Vec<usize>,
@@ -648,15 +642,12 @@ impl<'a> GraphFields<'a> {
             }
             let mut fields = field.message("the graph")?;
             while let Some(field) = fields.next()? {
-                // For whichever list it belongs to.
-                found.nodes.try_reserve(1).map_err(Fault::no_memory)?;
-                found.tensors.try_reserve(1).map_err(Fault::no_memory)?;
                 match field.number {
-                    1 => found.nodes.push(field),
+                    1 => push(&mut found.nodes, field)?,
                     2 => found.name = Some(field),
-                    5 => found.tensors.push(field),
-                    11 => found.inputs.push(field.bytes()?),
-                    12 => found.outputs.push(field.bytes()?),
+                    5 => push(&mut found.tensors, field)?,
+                    11 => push(&mut found.inputs, field.bytes()?)?,
+                    12 => push(&mut found.outputs, field.bytes()?)?,
                     _ => {}
                 }
             }
@@ -704,10 +695,14 @@ fn add<'a>(
     origin: Origin,
     shape: Option<Shape>,
 ) -> CheckResult<()> {
-    values.try_reserve(1).map_err(Fault::no_memory)?;
     names.try_reserve(1).map_err(Fault::no_memory)?;
     names.insert(name, values.len());
-    values.push(Value { name, origin, shape, last_use: 0, output: None });
+    push(values, Value { name, origin, shape, last_use: 0, output: None })
+}
+
+fn push<T>(list: &mut Vec<T>, item: T) -> CheckResult<()> {
+    list.try_reserve(1).map_err(Fault::no_memory)?;
+    list.push(item);
     Ok(())
 }
 
