@@ -59,9 +59,9 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
         video::video(place.scene, &place.key, frames, settings, progress, stop)
     };
     // The report shows the first place of each kind. The other videos take longer than all of the report, and follow it.
-    let is_first = |&at: &usize| !scored[..at].iter().any(|place| place.scene.family == scored[at].scene.family);
-    let (first, others): (Vec<usize>, Vec<usize>) = (0..scored.len()).partition(is_first);
-    let videos = first.iter().map(|&at| Ok((&scored[at], video(&scored[at])?))).collect::<Result<Vec<_>>>()?;
+    let is_first = |place: &&score::SceneScores| settings.first_place(place.scene.family) == Some(place.scene);
+    let (first, others): (Vec<_>, Vec<_>) = scored.iter().partition(is_first);
+    let videos = first.into_iter().map(|place| Ok((place, video(place)?))).collect::<Result<Vec<_>>>()?;
     let found =
         report::Results { settings, bundle: &bundle, made: &made, budgets: &budgets, scored: &scored, videos: &videos };
     let rollouts = made.cells.iter().chain(&made.straight).map(|(_, manifest)| manifest);
@@ -71,8 +71,8 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
         files.extend(report.write_compressed(folder, REPORT)?);
     }
     files.extend(videos.into_iter().map(|(_, path)| path));
-    for at in others {
-        files.push(video(&scored[at])?);
+    for place in others {
+        files.push(video(place)?);
     }
     Ok(ExperimentOutcome { text: report.markdown, files })
 }

@@ -124,6 +124,11 @@ impl Cell {
 }
 
 impl Settings {
+    /// The first place of a kind, which the report shows.
+    pub(super) fn first_place(&self, family: Family) -> Option<SceneId> {
+        self.scenes().find(|scene| scene.family == family)
+    }
+
     /// All scenes, family by family.
     pub(crate) fn scenes(&self) -> impl Iterator<Item = SceneId> + '_ {
         let seeds = FIRST_SEED..FIRST_SEED + self.scenes_per_family;

@@ -136,7 +136,8 @@ fn head(found: &Results<'_>) -> Vec<Block> {
 
 /// The paper's Figure 2.
 fn seeds(found: &Results<'_>) -> Result<Vec<Block>> {
-    let scenes: Vec<SceneId> = found.settings.families.iter().filter_map(|&family| first(found, family)).collect();
+    let scenes: Vec<SceneId> =
+        found.settings.families.iter().filter_map(|&family| found.settings.first_place(family)).collect();
     let file = Asset::jpeg("figure-2", &panels::seeds(&scenes, found.settings)?)?;
     Ok(vec![
         Block::heading("Figure 2: seed pictures"),
@@ -146,10 +147,6 @@ fn seeds(found: &Results<'_>) -> Result<Vec<Block>> {
              script and the seed of the noise.",
         ),
     ])
-}
-
-fn first(found: &Results<'_>, family: Family) -> Option<SceneId> {
-    found.settings.scenes().find(|scene| scene.family == family)
 }
 
 /// A figure of the paper that shows two branches side by side.
@@ -174,7 +171,9 @@ fn figures<'a>(found: &'a Results<'_>) -> impl Iterator<Item = (SceneId, Pair)> 
         ),
         (Family::Snow, "S1", MAIN, "bright and without texture, hard for both."),
     ];
-    all.into_iter().filter_map(|(family, number, of, words)| Some((first(found, family)?, Pair { number, of, words })))
+    all.into_iter().filter_map(|(family, number, of, words)| {
+        Some((found.settings.first_place(family)?, Pair { number, of, words }))
+    })
 }
 
 fn pair(scene: SceneId, Pair { number, of, words }: Pair, found: &Results<'_>) -> Result<Vec<Block>> {
