@@ -11,10 +11,9 @@ import onnx
 from . import archive
 from .conditioning import CONTROLS, PASS, parts
 from .geometry import Geometry
-from .graph import Graph
 from .quantise import Quantisation
 from .reader import read_manifest, read_model
-from .sizes import ITEM_BYTES, value_sizes
+from .sizes import ITEM_BYTES, HasModel, value_sizes
 from .writer import build_graphs
 
 
@@ -30,7 +29,7 @@ class NodeCost:
     written: int  # bytes of all outputs
 
 
-def node_costs(graph: Graph | StoredGraph, dimensions: dict[str, int], part: str = PASS) -> list[NodeCost]:
+def node_costs(graph: HasModel, dimensions: dict[str, int], part: str = PASS) -> list[NodeCost]:
     """The nodes that run, in the graph's order. A node that reads constants only is computed once, when the graph is loaded, and is left out. So are
     the nodes of other parts of a transformer, such as its conditioning."""
     model, sizes = value_sizes(graph, dimensions)

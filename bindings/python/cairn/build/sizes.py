@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 import onnx
 from onnx import shape_inference
@@ -13,8 +14,15 @@ from . import contrib
 ITEM_BYTES = {onnx.TensorProto.FLOAT: 4, onnx.TensorProto.FLOAT16: 2, onnx.TensorProto.INT64: 8, onnx.TensorProto.UINT8: 1}
 
 
-def value_sizes(graph, dimensions: dict[str, int]) -> tuple[onnx.ModelProto, dict[str, tuple[list[int], int]]]:
-    """The model of a `Graph` or of a stored one with its symbolic dimensions fixed, and the shape and size in bytes of every node's output."""
+class HasModel(Protocol):
+    """A graph to be built, or one of a bundle."""
+
+    def model(self) -> onnx.ModelProto:
+        """A model that the caller may change."""
+
+
+def value_sizes(graph: HasModel, dimensions: dict[str, int]) -> tuple[onnx.ModelProto, dict[str, tuple[list[int], int]]]:
+    """The model with its symbolic dimensions fixed, and the shape and size in bytes of every node's output."""
     contrib.register()
     model = graph.model()
     for value in [*model.graph.input, *model.graph.output]:
