@@ -1,4 +1,4 @@
-//! What a transformer's passes compute from their noise levels alone, computed once for each level.
+//! Conditioning by noise levels: the results of the nodes that depend on noise levels alone, computed once for each level.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ pub(super) type Levels = Vec<f32>;
 type Values = Arc<[Vec<u8>]>;
 
 /// The conditioning of one graph by noise levels: its model, and the values of the levels that were asked for last. Shared by rollouts.
-pub(super) struct Conditioning {
+pub(super) struct LevelConditioning {
     device: Device,
     /// A model with its weights inside. The device has its session, and so its weights, only while values are computed.
     onnx: Vec<u8>,
@@ -30,7 +30,7 @@ pub(super) struct Conditioning {
     of_presets: usize,
 }
 
-impl Conditioning {
+impl LevelConditioning {
     /// Takes the weights of `model` from those of the whole model, `source`, and computes the values at `levels`, which are kept.
     pub(super) fn new(
         device: &Device,
@@ -63,7 +63,7 @@ impl Conditioning {
         self.values.iter().map(|value| value.bytes() as u64).sum()
     }
 
-    /// Computes the values at `levels` that are not known yet, so that no step has to.
+    /// Computes the values at `levels` that are not known yet. A step then makes no session.
     pub(super) fn prepare(&self, levels: &[Levels]) -> Result<()> {
         self.at(levels).map(drop)
     }
@@ -135,8 +135,8 @@ fn is_same(a: &[f32], b: &[f32]) -> bool {
 }
 
 /// The conditioning of one rollout's passes, in its context. On WebGPU kept values stay in the host's memory, as buffers do that no graph is bound to.
-pub(super) struct ConditioningInputs {
-    source: Arc<Conditioning>,
+pub(super) struct LevelInputs {
+    source: Arc<LevelConditioning>,
     /// What passes read.
     inputs: Vec<BufferId>,
     /// Noise levels, and the buffers that have their values; no levels where buffers have none. The last one lacks buffers if there was no memory for
@@ -144,7 +144,7 @@ pub(super) struct ConditioningInputs {
     kept: Vec<(Levels, Vec<BufferId>)>,
 }
 
-impl ConditioningInputs {
+impl LevelInputs {
     /// Allocates memory for the values at `count` levels. `None` for a transformer without conditioning.
     pub(super) fn of(
         context: &mut dyn ExecutionContext,

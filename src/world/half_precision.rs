@@ -5,7 +5,7 @@
 
 use half::f16;
 
-use super::conditioning::ConditioningInputs;
+use super::conditioning::LevelInputs;
 use super::convert::{self, Uploader};
 use super::graph_spec::{self, GraphSpec, Shapes};
 use super::noise::NoiseKey;
@@ -213,7 +213,7 @@ struct TransformerPass {
     slabs: usize,
     slab_len: usize,
     binding: PassBinding,
-    conditioning: Option<ConditioningInputs>,
+    conditioning: Option<LevelInputs>,
     peaks: Vec<f32>,
 }
 
@@ -247,7 +247,7 @@ impl TransformerPass {
         if let Some(controls) = transformer.bind_controls(context, &buffers, &shared)? {
             context.run(controls)?;
         }
-        let conditioning = ConditioningInputs::of(context, transformer, &shared, 1)?;
+        let conditioning = LevelInputs::of(context, transformer, &shared, 1)?;
         let (inputs, outputs) = buffers.split_at(transformer.input_count());
         let slabs = 2 * shapes.layers;
         Ok(Self {

@@ -1,6 +1,6 @@
 //! The joined pass of a rollout: the cache pass of the finished latent and the first denoise pass of the next, in one run.
 
-use super::conditioning::ConditioningInputs;
+use super::conditioning::LevelInputs;
 use super::convert::{self, Uploader};
 use super::graph_spec::{JOINED_LATENTS, Shapes};
 use super::kv_cache::KvCache;
@@ -21,7 +21,7 @@ pub(super) struct JoinedPass {
     bindings: [PassBinding; 2],
     /// Embeds the controls of both.
     controls: Option<BindingId>,
-    conditioning: Option<ConditioningInputs>,
+    conditioning: Option<LevelInputs>,
     /// Whether the pass reads noise levels, beside the conditioning.
     reads_levels: bool,
     uploader: Uploader,
@@ -45,7 +45,7 @@ impl JoinedPass {
         let (angles, control_len) = (JOINED_LATENTS * shapes.rope_len(), JOINED_LATENTS * shapes.controls);
         let inputs = PassInputs::new(context, &shapes, precision, JOINED_LATENTS)?;
         let shared = joined.shared_buffers(context)?;
-        let conditioning = ConditioningInputs::of(context, joined, &shared, 1)?;
+        let conditioning = LevelInputs::of(context, joined, &shared, 1)?;
         let tensors = |x: BufferId, x_next: BufferId| -> Vec<BufferId> {
             let inputs = [x, finished].into_iter().chain(inputs.in_order());
             inputs.chain(kv.rings()).chain([x_next]).chain(kv.finished_slabs()).collect()
@@ -109,9 +109,9 @@ impl JoinedPass {
         Ok(())
     }
 
-    /// Forgets what was uploaded in earlier steps.
+    /// Makes the next step upload its conditioning again: after a failure, it may not have reached the device.
     pub(super) fn forget_conditioning(&mut self) {
-        self.conditioning.iter_mut().for_each(ConditioningInputs::forget);
+        self.conditioning.iter_mut().for_each(LevelInputs::forget);
     }
 
     /// Runs the pass from latent buffer `from`.

@@ -1,6 +1,6 @@
 //! The transformer of one rollout: its input buffers and the passes that read them.
 
-use super::conditioning::ConditioningInputs;
+use super::conditioning::LevelInputs;
 use super::convert::{self, Uploader};
 use super::graph_spec::Shapes;
 use super::joined_pass::JoinedPass;
@@ -37,7 +37,7 @@ pub(super) struct Passes {
     bindings: [PassBinding; 2],
     /// Embeds the controls of a step.
     controls: Option<BindingId>,
-    conditioning: Option<ConditioningInputs>,
+    conditioning: Option<LevelInputs>,
     /// Whether passes read noise levels, beside the conditioning.
     reads_levels: bool,
     joined: Option<JoinedPass>,
@@ -71,7 +71,7 @@ impl Passes {
         let inputs = PassInputs::new(context, &shapes, precision, 1)?;
         let table = context.buffer(MAX_POINTS * ROW)?;
         let shared = world.transformer.shared_buffers(context)?;
-        let conditioning = ConditioningInputs::of(context, &world.transformer, &shared, world.kept_levels())?;
+        let conditioning = LevelInputs::of(context, &world.transformer, &shared, world.kept_levels())?;
         let tensors = |x: BufferId, x_next: BufferId| -> Vec<BufferId> {
             let inputs = [x].into_iter().chain(inputs.in_order());
             inputs.chain(kv.rings()).chain([x_next]).chain(kv.slabs()).collect()
@@ -158,7 +158,7 @@ impl Passes {
 
     /// Makes the next step upload again what it would keep from earlier ones: after a failure, some of that may not have reached the device.
     pub(super) fn forget_conditioning(&mut self) {
-        self.conditioning.iter_mut().for_each(ConditioningInputs::forget);
+        self.conditioning.iter_mut().for_each(LevelInputs::forget);
         self.joined.iter_mut().for_each(JoinedPass::forget_conditioning);
     }
 

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use half::f16;
 
-use super::conditioning::{Conditioning, Levels, value_spec};
+use super::conditioning::{LevelConditioning, Levels, value_spec};
 use super::graph_spec::{self, GraphSpec, Shapes};
 use super::preset::Preset;
 use super::schedule::SigmaTable;
@@ -41,7 +41,7 @@ pub(super) struct Transformer {
 #[derive(Clone, Default)]
 pub(super) struct SharedConditioning {
     /// What passes need of their noise levels; `None` if they compute all of that themselves.
-    levels: Option<Arc<Conditioning>>,
+    levels: Option<Arc<LevelConditioning>>,
     /// Embeds the controls; `None` if each pass does so.
     controls: Option<Arc<ControlEmbedding>>,
 }
@@ -67,7 +67,7 @@ enum Tensor {
     Whole(usize),
     /// A position in [`Transformer::intermediates`].
     Intermediate(usize),
-    /// A position in [`Conditioning::values`].
+    /// A position in [`LevelConditioning::values`].
     OfLevels(usize),
     /// A position in [`ControlEmbedding::values`].
     OfControls(usize),
@@ -129,7 +129,7 @@ impl TransformerSource<'_> {
         let levels = of_levels.as_ref().map(|model| {
             proceed()?;
             let levels = self.preset_levels(kind);
-            Conditioning::new(self.device, model, &source, kind.latents() as usize, &levels).map(Arc::new)
+            LevelConditioning::new(self.device, model, &source, kind.latents() as usize, &levels).map(Arc::new)
         });
         let levels = levels.transpose()?;
         let inputs = self.spec(kind).inputs;
@@ -351,7 +351,7 @@ impl Transformer {
     }
 
     /// What passes need of their noise levels; `None` if they compute all of that themselves.
-    pub(super) fn conditioning(&self) -> Option<&Arc<Conditioning>> {
+    pub(super) fn conditioning(&self) -> Option<&Arc<LevelConditioning>> {
         self.conditioning.levels.as_ref()
     }
 

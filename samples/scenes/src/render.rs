@@ -133,10 +133,11 @@ pub fn render_picture(scene: &Scene, now: &Moment, width: u32, height: u32, qual
     draw(scene, now, now, width, height, quality, Outputs::PictureOnly).picture
 }
 
-/// What is rendered of a frame. Of the picture only, nothing else in it is meaningful.
+/// Which parts of a frame are rendered.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Outputs {
     All,
+    /// The other parts of the frame are not valid.
     PictureOnly,
 }
 

@@ -187,7 +187,7 @@ fn a_failed_slice_changes_nothing() {
     assert!(rollout.save().expect("a state") == reference.save().expect("a state"));
 }
 
-/// What a schedule needs of its noise levels is uploaded before its first step. A step that fails may have lost it.
+/// The conditioning of a schedule is uploaded when the schedule is set. If the next step fails, the upload may not have reached the device.
 #[test]
 fn noise_levels_that_a_failed_step_has_lost_are_uploaded_again() {
     let world = in_slices(1);
