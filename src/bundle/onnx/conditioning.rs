@@ -7,6 +7,7 @@
 
 use std::collections::HashSet;
 
+use super::messages::{GraphProto, TensorProto};
 use super::operators::NBITS;
 use super::proto::{self, Data, Graph, Tensor};
 use super::wire::Fields;
@@ -88,9 +89,13 @@ fn rewrite(model: &ModelSource<'_>) -> CheckResult<Vec<u8>> {
         let (mut fields, mut weights) = (Fields::new("the graph", graph), weights.iter());
         while let Some(field) = fields.next()? {
             match field.number {
-                5 => {
+                GraphProto::INITIALIZER => {
                     let data = weights.next().ok_or_else(|| Fault::new("the graph has another number of tensors"))?;
-                    write_bytes(&mut written, 5, &inside(field.message("an initializer")?, data)?);
+                    write_bytes(
+                        &mut written,
+                        GraphProto::INITIALIZER,
+                        &inside(field.message("an initializer")?, data)?,
+                    );
                 }
                 _ => field.write(&mut written),
             }
@@ -115,11 +120,10 @@ pub(super) fn tensor_bytes<'a>(tensor: &Tensor<'a>, model: &ModelSource<'a>) -> 
 fn inside(mut fields: Fields<'_>, data: &[u8]) -> CheckResult<Vec<u8>> {
     let mut written = reserved(data.len() + 1024)?;
     while let Some(field) = fields.next()? {
-        // Its data, where they are stored, and that they are stored there.
-        if !matches!(field.number, 9 | 13 | 14) {
+        if !matches!(field.number, TensorProto::RAW_DATA | TensorProto::EXTERNAL_DATA | TensorProto::DATA_LOCATION) {
             field.write(&mut written);
         }
     }
-    write_bytes(&mut written, 9, data);
+    write_bytes(&mut written, TensorProto::RAW_DATA, data);
     Ok(written)
 }

@@ -1,6 +1,6 @@
 //! Checks that an ONNX model passes before the runtime gets it: `docs/bundle.md` section 4.
 //!
-//! - [`wire`] and [`proto`] parse the bytes, field by field.
+//! - [`wire`] and [`proto`] parse the bytes, field by field; [`messages`] has the numbers of the fields.
 //! - [`operators`] and [`shape_inference`] check that every operator is on the list and that every shape follows from the inputs' shapes.
 //! - [`residual`] finds the residual stream and checks its type.
 //! - [`blocks`] checks the matrices that are stored in fewer than 16 bits.
@@ -21,6 +21,7 @@ mod check;
 mod conditioning;
 mod interface;
 mod largest_weight;
+mod messages;
 mod model_writer;
 mod operators;
 mod peaks;

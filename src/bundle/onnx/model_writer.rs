@@ -1,6 +1,10 @@
 //! Writes small models: those that move and check values on a device.
 
 use super::DataType;
+use super::messages::{
+    AttributeProto, DimensionProto, GraphProto, ModelProto, NodeProto, OperatorSetIdProto, TensorProto,
+    TensorShapeProto, TensorTypeProto, TypeProto, ValueInfoProto, attribute_type,
+};
 use super::writer::{write_bytes, write_int};
 
 /// A type of a constant's elements.
@@ -39,34 +43,34 @@ pub(crate) struct ModelWriter {
 
 impl ModelWriter {
     pub(crate) fn input(&mut self, name: &str, element: DataType, dims: &[usize]) {
-        write_bytes(&mut self.graph, 11, &value_info(name, element, dims));
+        write_bytes(&mut self.graph, GraphProto::INPUT, &value_info(name, element, dims));
     }
 
     pub(crate) fn output(&mut self, name: &str, element: DataType, dims: &[usize]) {
-        write_bytes(&mut self.graph, 12, &value_info(name, element, dims));
+        write_bytes(&mut self.graph, GraphProto::OUTPUT, &value_info(name, element, dims));
     }
 
     /// A constant of shape `dims`.
     pub(crate) fn constant<T: Number>(&mut self, name: &str, dims: &[usize], values: &[T]) {
         assert_eq!(values.len(), dims.iter().product::<usize>(), "{name}: one number for each element");
         let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_bytes()).collect();
-        write_bytes(&mut self.graph, 5, &tensor(name, T::TYPE, dims, &bytes));
+        write_bytes(&mut self.graph, GraphProto::INITIALIZER, &tensor(name, T::TYPE, dims, &bytes));
     }
 
     /// A node of ONNX's own operators, with attributes that are integers.
     pub(crate) fn node(&mut self, operator: &str, inputs: &[&str], outputs: &[&str], attributes: &[(&str, i64)]) {
         let attributes: Vec<_> = attributes.iter().map(|(name, value)| attribute(name, &[*value], false)).collect();
-        write_bytes(&mut self.graph, 1, &node(operator, outputs[0], inputs, outputs, &attributes));
+        write_bytes(&mut self.graph, GraphProto::NODE, &node(operator, outputs[0], inputs, outputs, &attributes));
     }
 
     /// The model.
     pub(crate) fn finish(mut self) -> Vec<u8> {
-        write_bytes(&mut self.graph, 2, b"cairn");
+        write_bytes(&mut self.graph, GraphProto::NAME, b"cairn");
         let (mut opset, mut model) = (Vec::new(), Vec::new());
-        write_int(&mut opset, 2, OPSET);
-        write_int(&mut model, 1, IR_VERSION);
-        write_bytes(&mut model, 8, &opset);
-        write_bytes(&mut model, 7, &self.graph);
+        write_int(&mut opset, OperatorSetIdProto::VERSION, OPSET);
+        write_int(&mut model, ModelProto::IR_VERSION, IR_VERSION);
+        write_bytes(&mut model, ModelProto::OPSET_IMPORT, &opset);
+        write_bytes(&mut model, ModelProto::GRAPH, &self.graph);
         model
     }
 }
@@ -74,31 +78,32 @@ impl ModelWriter {
 /// `NodeProto`, with attributes that were written before.
 pub(super) fn node(operator: &str, name: &str, inputs: &[&str], outputs: &[&str], attributes: &[Vec<u8>]) -> Vec<u8> {
     let mut node = Vec::new();
-    inputs.iter().for_each(|input| write_bytes(&mut node, 1, input.as_bytes()));
-    outputs.iter().for_each(|output| write_bytes(&mut node, 2, output.as_bytes()));
-    write_bytes(&mut node, 3, name.as_bytes());
-    write_bytes(&mut node, 4, operator.as_bytes());
-    attributes.iter().for_each(|attribute| write_bytes(&mut node, 5, attribute));
+    inputs.iter().for_each(|input| write_bytes(&mut node, NodeProto::INPUT, input.as_bytes()));
+    outputs.iter().for_each(|output| write_bytes(&mut node, NodeProto::OUTPUT, output.as_bytes()));
+    write_bytes(&mut node, NodeProto::NAME, name.as_bytes());
+    write_bytes(&mut node, NodeProto::OP_TYPE, operator.as_bytes());
+    attributes.iter().for_each(|attribute| write_bytes(&mut node, NodeProto::ATTRIBUTE, attribute));
     node
 }
 
 /// `AttributeProto`: a list of integers, or one integer.
 pub(super) fn attribute(name: &str, values: &[i64], is_list: bool) -> Vec<u8> {
     let mut attribute = Vec::new();
-    write_bytes(&mut attribute, 1, name.as_bytes());
-    let (field, kind) = if is_list { (8, 7) } else { (3, 2) };
+    write_bytes(&mut attribute, AttributeProto::NAME, name.as_bytes());
+    let (field, kind) =
+        if is_list { (AttributeProto::INTS, attribute_type::INTS) } else { (AttributeProto::I, attribute_type::INT) };
     values.iter().for_each(|value| write_int(&mut attribute, field, value.cast_unsigned()));
-    write_int(&mut attribute, 20, kind);
+    write_int(&mut attribute, AttributeProto::TYPE, kind.cast_unsigned());
     attribute
 }
 
 /// `TensorProto` with its elements in little-endian bytes.
 pub(super) fn tensor(name: &str, element: DataType, dims: &[usize], bytes: &[u8]) -> Vec<u8> {
     let mut tensor = Vec::new();
-    dims.iter().for_each(|&n| write_int(&mut tensor, 1, n as u64));
-    write_int(&mut tensor, 2, element as u64);
-    write_bytes(&mut tensor, 8, name.as_bytes());
-    write_bytes(&mut tensor, 9, bytes);
+    dims.iter().for_each(|&n| write_int(&mut tensor, TensorProto::DIMS, n as u64));
+    write_int(&mut tensor, TensorProto::DATA_TYPE, element as u64);
+    write_bytes(&mut tensor, TensorProto::NAME, name.as_bytes());
+    write_bytes(&mut tensor, TensorProto::RAW_DATA, bytes);
     tensor
 }
 
@@ -107,14 +112,14 @@ pub(super) fn value_info(name: &str, element: DataType, dims: &[usize]) -> Vec<u
     let (mut shape, mut tensor, mut kind, mut value) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for &n in dims {
         let mut dimension = Vec::new();
-        write_int(&mut dimension, 1, n as u64);
-        write_bytes(&mut shape, 1, &dimension);
+        write_int(&mut dimension, DimensionProto::DIM_VALUE, n as u64);
+        write_bytes(&mut shape, TensorShapeProto::DIM, &dimension);
     }
-    write_int(&mut tensor, 1, element as u64);
-    write_bytes(&mut tensor, 2, &shape);
-    write_bytes(&mut kind, 1, &tensor);
-    write_bytes(&mut value, 1, name.as_bytes());
-    write_bytes(&mut value, 2, &kind);
+    write_int(&mut tensor, TensorTypeProto::ELEM_TYPE, element as u64);
+    write_bytes(&mut tensor, TensorTypeProto::SHAPE, &shape);
+    write_bytes(&mut kind, TypeProto::TENSOR_TYPE, &tensor);
+    write_bytes(&mut value, ValueInfoProto::NAME, name.as_bytes());
+    write_bytes(&mut value, ValueInfoProto::TYPE, &kind);
     value
 }
 

@@ -3,10 +3,12 @@
 use std::collections::HashMap;
 
 use super::check::visit_nodes;
+use super::messages::GraphProto;
+use super::model_writer::{attribute, node, value_info};
 use super::operators::NBITS;
 use super::proto;
 use super::residual::ResidualStream;
-use super::writer::{with_graph, write_bytes, write_int};
+use super::writer::{with_graph, write_bytes};
 use super::{CheckResult, DataType, ModelContext};
 use crate::Result;
 use crate::bundle::{Bundle, GraphKind, Precision};
@@ -110,36 +112,14 @@ fn graph_with_peaks(graph: &[u8], values: &[HalfValue]) -> Vec<u8> {
     let mut written = graph.to_vec();
     for (i, value) in values.iter().enumerate() {
         let (magnitudes, peak) = (format!("{PREFIX}.magnitudes.{i}"), ModelWithPeaks::output(i));
-        write_bytes(&mut written, 1, &node("Abs", &value.name, &magnitudes, &[]));
-        write_bytes(&mut written, 1, &node("ReduceMax", &magnitudes, &peak, &[("keepdims", 0)]));
-        write_bytes(&mut written, 12, &scalar_output(&peak));
+        let scalar = attribute("keepdims", &[0], false);
+        for node in [
+            node("Abs", &magnitudes, &[&value.name], &[&magnitudes], &[]),
+            node("ReduceMax", &peak, &[&magnitudes], &[&peak], &[scalar]),
+        ] {
+            write_bytes(&mut written, GraphProto::NODE, &node);
+        }
+        write_bytes(&mut written, GraphProto::OUTPUT, &value_info(&peak, DataType::F32, &[]));
     }
     written
-}
-
-/// `NodeProto`, with `AttributeProto`s of type INT.
-fn node(operator: &str, input: &str, output: &str, attributes: &[(&str, u64)]) -> Vec<u8> {
-    let mut written = Vec::new();
-    for (number, text) in [(1, input), (2, output), (3, output), (4, operator)] {
-        write_bytes(&mut written, number, text.as_bytes());
-    }
-    for &(name, value) in attributes {
-        let mut attribute = Vec::new();
-        write_bytes(&mut attribute, 1, name.as_bytes());
-        write_int(&mut attribute, 3, value);
-        write_int(&mut attribute, 20, 2);
-        write_bytes(&mut written, 5, &attribute);
-    }
-    written
-}
-
-/// `ValueInfoProto` of a float32 tensor without dimensions.
-fn scalar_output(name: &str) -> Vec<u8> {
-    let (mut tensor, mut kind, mut value) = (Vec::new(), Vec::new(), Vec::new());
-    write_int(&mut tensor, 1, DataType::F32 as u64);
-    write_bytes(&mut tensor, 2, &[]);
-    write_bytes(&mut kind, 1, &tensor);
-    write_bytes(&mut value, 1, name.as_bytes());
-    write_bytes(&mut value, 2, &kind);
-    value
 }

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use half::f16;
 
 use super::check::opset;
+use super::messages::GraphProto;
 use super::model_writer::{attribute, node, tensor};
 use super::proto::{self, Attribute, Graph, Model, Node};
 use super::shape_inference::{Input, infer_sizes, named_shapes};
@@ -77,7 +78,7 @@ fn rewrite_graph(
 ) -> CheckResult<Vec<u8>> {
     let mut nodes = graph.nodes.iter().enumerate();
     while let Some(field) = fields.next()? {
-        let node = (field.number == 1).then(|| nodes.next()).flatten();
+        let node = (field.number == GraphProto::NODE).then(|| nodes.next()).flatten();
         match node.and_then(|(i, node)| Some((i, node, fused.get(*node.outputs.first()?)?))) {
             Some((i, node, operands)) => write_product(&mut written, i, node, operands)?,
             _ => field.write(&mut written),
@@ -105,8 +106,8 @@ fn write_product(graph: &mut Vec<u8>, i: usize, fused: &Node<'_>, operands: &Ope
                     DataType::F16 => (DataType::F16, f16::from_f32(alpha).to_le_bytes().to_vec()),
                     _ => (DataType::F32, alpha.to_le_bytes().to_vec()),
                 };
-                write_bytes(graph, 5, &tensor(&constant, element, &[1], &bytes));
-                write_bytes(graph, 1, &node("Mul", &scaled, &[left, &constant], &[&scaled], &[]));
+                write_bytes(graph, GraphProto::INITIALIZER, &tensor(&constant, element, &[1], &bytes));
+                write_bytes(graph, GraphProto::NODE, &node("Mul", &scaled, &[left, &constant], &[&scaled], &[]));
                 &scaled
             }
         },
@@ -116,17 +117,18 @@ fn write_product(graph: &mut Vec<u8>, i: usize, fused: &Node<'_>, operands: &Ope
                 let mut axes: Vec<i64> = (0..operands.rank as i64).collect();
                 axes[operands.rank - 2..].reverse();
                 let order = [attribute("perm", &axes, true)];
-                write_bytes(graph, 1, &node("Transpose", &transposed, &[right], &[&transposed], &order));
+                write_bytes(graph, GraphProto::NODE, &node("Transpose", &transposed, &[right], &[&transposed], &order));
                 &transposed
             }
         },
     );
-    write_bytes(graph, 1, &node("MatMul", fused.name, &[left, right], &fused.outputs, &[]));
+    write_bytes(graph, GraphProto::NODE, &node("MatMul", fused.name, &[left, right], &fused.outputs, &[]));
     Ok(())
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::messages::{AttributeProto, ModelProto, NodeProto, OperatorSetIdProto, attribute_type};
     use super::super::model_writer::value_info;
     use super::super::split_k::tests::with_sizes;
     use super::super::writer::write_int;
@@ -163,25 +165,25 @@ mod tests {
             let (mut graph, mut onnx) = (Vec::new(), Vec::new());
             let attributes = [attribute("transB", &[1], false), alpha(0.5)];
             let mut product = node(FUSED, "y", &["x", "w"], &["y"], &attributes);
-            write_bytes(&mut product, 7, proto::CONTRIB.as_bytes());
+            write_bytes(&mut product, NodeProto::DOMAIN, proto::CONTRIB.as_bytes());
             // Weights of a float32 graph are stored in float16.
             let is_cast = element == DataType::F32;
             if is_cast {
                 let to_float32 = attribute("to", &[DataType::F32 as i64], false);
-                write_bytes(&mut graph, 1, &node("Cast", "w", &["stored"], &["w"], &[to_float32]));
+                write_bytes(&mut graph, GraphProto::NODE, &node("Cast", "w", &["stored"], &["w"], &[to_float32]));
             }
-            write_bytes(&mut graph, 1, &product);
+            write_bytes(&mut graph, GraphProto::NODE, &product);
             let stored = if is_cast { "stored" } else { "w" };
-            write_bytes(&mut graph, 5, &tensor(stored, DataType::F16, &dims(4, 3), &[0; 24]));
-            write_bytes(&mut graph, 11, &value_info("x", element, &dims(2, 3)));
-            write_bytes(&mut graph, 12, &value_info("y", element, &dims(2, 4)));
-            write_int(&mut onnx, 1, 8);
-            write_bytes(&mut onnx, 7, &graph);
+            write_bytes(&mut graph, GraphProto::INITIALIZER, &tensor(stored, DataType::F16, &dims(4, 3), &[0; 24]));
+            write_bytes(&mut graph, GraphProto::INPUT, &value_info("x", element, &dims(2, 3)));
+            write_bytes(&mut graph, GraphProto::OUTPUT, &value_info("y", element, &dims(2, 4)));
+            write_int(&mut onnx, ModelProto::IR_VERSION, 8);
+            write_bytes(&mut onnx, ModelProto::GRAPH, &graph);
             for (domain, version) in [("", 17), (proto::CONTRIB, 1)] {
                 let mut opset = Vec::new();
-                write_bytes(&mut opset, 1, domain.as_bytes());
-                write_int(&mut opset, 2, version);
-                write_bytes(&mut onnx, 8, &opset);
+                write_bytes(&mut opset, OperatorSetIdProto::DOMAIN, domain.as_bytes());
+                write_int(&mut opset, OperatorSetIdProto::VERSION, version);
+                write_bytes(&mut onnx, ModelProto::OPSET_IMPORT, &opset);
             }
             let sizes = [("x", dims(2, 3)), ("y", dims(2, 4))];
             let sizes = sizes.each_ref().map(|(name, dims)| (*name, dims.as_slice()));
@@ -200,9 +202,9 @@ mod tests {
 
     fn alpha(value: f32) -> Vec<u8> {
         let mut attribute = Vec::new();
-        write_bytes(&mut attribute, 1, b"alpha");
-        attribute.extend([2 << 3 | 5].into_iter().chain(value.to_le_bytes()));
-        write_int(&mut attribute, 20, 1);
+        write_bytes(&mut attribute, AttributeProto::NAME, b"alpha");
+        attribute.extend([(AttributeProto::F as u8) << 3 | 5].into_iter().chain(value.to_le_bytes()));
+        write_int(&mut attribute, AttributeProto::TYPE, attribute_type::FLOAT.cast_unsigned());
         attribute
     }
 }

@@ -1,7 +1,11 @@
-//! Parser of the ONNX messages that a bundle may contain. Field numbers: `onnx/onnx.proto3` of ONNX 1.17.
+//! Parser of the ONNX messages that a bundle may contain.
 //!
 //! Unknown fields are refused, so the runtime gets nothing that was not checked here.
 
+use super::messages::{
+    AttributeProto, DimensionProto, GraphProto, ModelProto, NodeProto, OperatorSetIdProto, StringStringEntryProto,
+    TensorProto, TensorShapeProto, TensorTypeProto, TypeProto, ValueInfoProto, attribute_type, data_location,
+};
 use super::wire::{Field, Fields};
 use super::{CheckResult, Fault, quoted};
 
@@ -101,19 +105,21 @@ fn push<T>(field: &Field<'_>, list: &mut Vec<T>, most: usize, value: T) -> Check
 
 pub(super) fn model(bytes: &[u8]) -> CheckResult<Model<'_>> {
     let (mut ir_version, mut graph_found, mut opsets) = (None, None, Vec::new());
-    let (mut version, mut texts) = (None, [None; 7]);
+    let (mut producer, mut producer_version, mut domain, mut version, mut doc) = (None, None, None, None, None);
     let mut fields = Fields::new("the model", bytes);
     while let Some(f) = fields.next()? {
         match f.number {
-            1 => f.once(&mut ir_version, f.int()?)?,
-            2..=4 => f.once(&mut texts[f.number as usize], f.text(MAX_TEXT)?)?,
-            5 => f.once(&mut version, f.int()?)?,
-            6 => f.once(&mut texts[6], f.text(MAX_DOC)?)?,
-            7 => f.once(&mut graph_found, graph(f.message("the graph")?)?)?,
-            8 => push(&f, &mut opsets, 8, opset(f.message("an opset")?)?)?,
-            14 => f.refuse("metadata")?,
-            20 => f.refuse("training information")?,
-            25 => f.refuse("functions")?,
+            ModelProto::IR_VERSION => f.once(&mut ir_version, f.int()?)?,
+            ModelProto::PRODUCER_NAME => f.once(&mut producer, f.text(MAX_TEXT)?)?,
+            ModelProto::PRODUCER_VERSION => f.once(&mut producer_version, f.text(MAX_TEXT)?)?,
+            ModelProto::DOMAIN => f.once(&mut domain, f.text(MAX_TEXT)?)?,
+            ModelProto::MODEL_VERSION => f.once(&mut version, f.int()?)?,
+            ModelProto::DOC_STRING => f.once(&mut doc, f.text(MAX_DOC)?)?,
+            ModelProto::GRAPH => f.once(&mut graph_found, graph(f.message("the graph")?)?)?,
+            ModelProto::OPSET_IMPORT => push(&f, &mut opsets, 8, opset(f.message("an opset")?)?)?,
+            ModelProto::METADATA_PROPS => f.refuse("metadata")?,
+            ModelProto::TRAINING_INFO => f.refuse("training information")?,
+            ModelProto::FUNCTIONS => f.refuse("functions")?,
             _ => f.refuse("an unknown part of a model")?,
         }
     }
@@ -128,8 +134,8 @@ fn opset<'a>(mut fields: Fields<'a>) -> CheckResult<(&'a str, i64)> {
     let (mut domain, mut version) = (None, None);
     while let Some(f) = fields.next()? {
         match f.number {
-            1 => f.once(&mut domain, f.text(MAX_TEXT)?)?,
-            2 => f.once(&mut version, f.int()?)?,
+            OperatorSetIdProto::DOMAIN => f.once(&mut domain, f.text(MAX_TEXT)?)?,
+            OperatorSetIdProto::VERSION => f.once(&mut version, f.int()?)?,
             _ => f.refuse("an unknown part of an opset")?,
         }
     }
@@ -141,14 +147,18 @@ fn graph<'a>(mut fields: Fields<'a>) -> CheckResult<Graph<'a>> {
     let (mut name, mut doc) = (None, None);
     while let Some(f) = fields.next()? {
         match f.number {
-            1 => push(&f, &mut graph.nodes, MAX_NODES, node(f.message("a node")?)?)?,
-            2 => f.once(&mut name, f.text(MAX_TEXT)?)?,
-            5 => push(&f, &mut graph.tensors, MAX_TENSORS, tensor(f.message("an initializer")?)?)?,
-            10 => f.once(&mut doc, f.text(MAX_DOC)?)?,
-            11 => push(&f, &mut graph.inputs, MAX_ARITY, value_info(f.message("an input")?)?)?,
-            12 => push(&f, &mut graph.outputs, MAX_ARITY, value_info(f.message("an output")?)?)?,
-            13 => push(&f, &mut graph.value_info, MAX_VALUES, value_info(f.message("a value's type")?)?)?,
-            15 => f.refuse("a sparse initializer")?,
+            GraphProto::NODE => push(&f, &mut graph.nodes, MAX_NODES, node(f.message("a node")?)?)?,
+            GraphProto::NAME => f.once(&mut name, f.text(MAX_TEXT)?)?,
+            GraphProto::INITIALIZER => {
+                push(&f, &mut graph.tensors, MAX_TENSORS, tensor(f.message("an initializer")?)?)?
+            }
+            GraphProto::DOC_STRING => f.once(&mut doc, f.text(MAX_DOC)?)?,
+            GraphProto::INPUT => push(&f, &mut graph.inputs, MAX_ARITY, value_info(f.message("an input")?)?)?,
+            GraphProto::OUTPUT => push(&f, &mut graph.outputs, MAX_ARITY, value_info(f.message("an output")?)?)?,
+            GraphProto::VALUE_INFO => {
+                push(&f, &mut graph.value_info, MAX_VALUES, value_info(f.message("a value's type")?)?)?
+            }
+            GraphProto::SPARSE_INITIALIZER => f.refuse("a sparse initializer")?,
             _ => f.refuse("an unknown part of a graph")?,
         }
     }
@@ -160,13 +170,15 @@ fn node<'a>(mut fields: Fields<'a>) -> CheckResult<Node<'a>> {
     let (mut name, mut operator, mut doc, mut domain) = (None, None, None, None);
     while let Some(f) = fields.next()? {
         match f.number {
-            1 => push(&f, &mut node.inputs, MAX_ARITY, f.text(MAX_TEXT)?)?,
-            2 => push(&f, &mut node.outputs, MAX_ARITY, f.text(MAX_TEXT)?)?,
-            3 => f.once(&mut name, f.text(MAX_TEXT)?)?,
-            4 => f.once(&mut operator, f.text(MAX_TEXT)?)?,
-            5 => push(&f, &mut node.attributes, MAX_ATTRIBUTES, attribute(f.message("an attribute")?)?)?,
-            6 => f.once(&mut doc, f.text(MAX_DOC)?)?,
-            7 => f.once(&mut domain, f.text(MAX_TEXT)?)?,
+            NodeProto::INPUT => push(&f, &mut node.inputs, MAX_ARITY, f.text(MAX_TEXT)?)?,
+            NodeProto::OUTPUT => push(&f, &mut node.outputs, MAX_ARITY, f.text(MAX_TEXT)?)?,
+            NodeProto::NAME => f.once(&mut name, f.text(MAX_TEXT)?)?,
+            NodeProto::OP_TYPE => f.once(&mut operator, f.text(MAX_TEXT)?)?,
+            NodeProto::ATTRIBUTE => {
+                push(&f, &mut node.attributes, MAX_ATTRIBUTES, attribute(f.message("an attribute")?)?)?
+            }
+            NodeProto::DOC_STRING => f.once(&mut doc, f.text(MAX_DOC)?)?,
+            NodeProto::DOMAIN => f.once(&mut domain, f.text(MAX_TEXT)?)?,
             _ => f.refuse("an unknown part of a node")?,
         }
     }
@@ -187,15 +199,15 @@ fn attribute<'a>(mut fields: Fields<'a>) -> CheckResult<(&'a str, Attribute<'a>)
     let mut ints = Vec::new();
     while let Some(f) = fields.next()? {
         match f.number {
-            1 => f.once(&mut name, f.text(MAX_TEXT)?)?,
-            2 => f.once(&mut float, f.float()?)?,
-            3 => f.once(&mut int, f.int()?)?,
-            4 => f.once(&mut text, f.text(MAX_TEXT)?)?,
-            6 | 11 => f.refuse("a subgraph: control flow")?,
-            8 => f.ints(&mut ints, MAX_INTS)?,
-            13 => f.once(&mut doc, f.text(MAX_DOC)?)?,
-            20 => f.once(&mut kind, f.int()?)?,
-            21 => f.refuse("a reference to a function's attribute")?,
+            AttributeProto::NAME => f.once(&mut name, f.text(MAX_TEXT)?)?,
+            AttributeProto::F => f.once(&mut float, f.float()?)?,
+            AttributeProto::I => f.once(&mut int, f.int()?)?,
+            AttributeProto::S => f.once(&mut text, f.text(MAX_TEXT)?)?,
+            AttributeProto::G | AttributeProto::GRAPHS => f.refuse("a subgraph: control flow")?,
+            AttributeProto::INTS => f.ints(&mut ints, MAX_INTS)?,
+            AttributeProto::DOC_STRING => f.once(&mut doc, f.text(MAX_DOC)?)?,
+            AttributeProto::TYPE => f.once(&mut kind, f.int()?)?,
+            AttributeProto::REF_ATTR_NAME => f.refuse("a reference to a function's attribute")?,
             _ => f.refuse("a kind of attribute that no allowed operator has")?,
         }
     }
@@ -205,10 +217,10 @@ fn attribute<'a>(mut fields: Fields<'a>) -> CheckResult<(&'a str, Attribute<'a>)
     // A 0, an empty string and an empty list may be omitted from the file.
     let alone = |own: usize| (0..given.len()).all(|i| i == own || !given[i]);
     let (own, value) = match kind {
-        Some(1) => (0, Attribute::Float(float.unwrap_or(0.0))),
-        Some(2) => (1, Attribute::Int(int.unwrap_or(0))),
-        Some(3) => (2, Attribute::Text(text.unwrap_or(""))),
-        Some(7) => (3, Attribute::Ints(ints)),
+        Some(attribute_type::FLOAT) => (0, Attribute::Float(float.unwrap_or(0.0))),
+        Some(attribute_type::INT) => (1, Attribute::Int(int.unwrap_or(0))),
+        Some(attribute_type::STRING) => (2, Attribute::Text(text.unwrap_or(""))),
+        Some(attribute_type::INTS) => (3, Attribute::Ints(ints)),
         _ => return Err(fault()),
     };
     if alone(own) { Ok((name, value)) } else { Err(fault()) }
@@ -219,21 +231,23 @@ fn tensor<'a>(mut fields: Fields<'a>) -> CheckResult<Tensor<'a>> {
     let (mut dims, mut external) = (Vec::new(), Vec::new());
     while let Some(f) = fields.next()? {
         match f.number {
-            1 => f.ints(&mut dims, MAX_RANK)?,
-            2 => f.once(&mut data_type, f.int()?)?,
-            8 => f.once(&mut name, f.text(MAX_TEXT)?)?,
-            9 => f.once(&mut raw, f.bytes()?)?,
-            12 => f.once(&mut doc, f.text(MAX_DOC)?)?,
-            13 => push(&f, &mut external, 8, entry(f.message("an entry of external data")?)?)?,
-            14 => f.once(&mut storage, f.int()?)?,
-            4..=7 | 10 | 11 => f.refuse("numbers outside `raw_data`")?,
+            TensorProto::DIMS => f.ints(&mut dims, MAX_RANK)?,
+            TensorProto::DATA_TYPE => f.once(&mut data_type, f.int()?)?,
+            TensorProto::NAME => f.once(&mut name, f.text(MAX_TEXT)?)?,
+            TensorProto::RAW_DATA => f.once(&mut raw, f.bytes()?)?,
+            TensorProto::DOC_STRING => f.once(&mut doc, f.text(MAX_DOC)?)?,
+            TensorProto::EXTERNAL_DATA => push(&f, &mut external, 8, entry(f.message("an entry of external data")?)?)?,
+            TensorProto::DATA_LOCATION => f.once(&mut storage, f.int()?)?,
+            TensorProto::FLOAT_DATA..=TensorProto::INT64_DATA | TensorProto::DOUBLE_DATA | TensorProto::UINT64_DATA => {
+                f.refuse("numbers outside `raw_data`")?
+            }
             _ => f.refuse("an unknown part of a tensor")?,
         }
     }
     let name = name.unwrap_or("");
-    let data = match (storage.unwrap_or(0), raw, external.is_empty()) {
-        (0, Some(bytes), true) => Data::Inline(bytes),
-        (1, None, false) => external_data(name, &external)?,
+    let data = match (storage.unwrap_or(data_location::DEFAULT), raw, external.is_empty()) {
+        (data_location::DEFAULT, Some(bytes), true) => Data::Inline(bytes),
+        (data_location::EXTERNAL, None, false) => external_data(name, &external)?,
         _ => return Err(Fault::new(format!("initializer {} is neither inside the model nor external", quoted(name)))),
     };
     let data_type = data_type.ok_or_else(|| Fault::new(format!("initializer {} has no type", quoted(name))))?;
@@ -270,8 +284,8 @@ fn entry<'a>(mut fields: Fields<'a>) -> CheckResult<(&'a str, &'a str)> {
     let (mut key, mut value) = (None, None);
     while let Some(f) = fields.next()? {
         match f.number {
-            1 => f.once(&mut key, f.text(MAX_TEXT)?)?,
-            2 => f.once(&mut value, f.text(MAX_TEXT)?)?,
+            StringStringEntryProto::KEY => f.once(&mut key, f.text(MAX_TEXT)?)?,
+            StringStringEntryProto::VALUE => f.once(&mut value, f.text(MAX_TEXT)?)?,
             _ => f.refuse("an unknown part of an entry")?,
         }
     }
@@ -282,9 +296,9 @@ fn value_info<'a>(mut fields: Fields<'a>) -> CheckResult<ValueInfo<'a>> {
     let (mut name, mut kind, mut doc) = (None, None, None);
     while let Some(f) = fields.next()? {
         match f.number {
-            1 => f.once(&mut name, f.text(MAX_TEXT)?)?,
-            2 => f.once(&mut kind, type_proto(f.message("a type")?)?)?,
-            3 => f.once(&mut doc, f.text(MAX_DOC)?)?,
+            ValueInfoProto::NAME => f.once(&mut name, f.text(MAX_TEXT)?)?,
+            ValueInfoProto::TYPE => f.once(&mut kind, type_proto(f.message("a type")?)?)?,
+            ValueInfoProto::DOC_STRING => f.once(&mut doc, f.text(MAX_DOC)?)?,
             _ => f.refuse("an unknown part of a value")?,
         }
     }
@@ -297,7 +311,7 @@ fn type_proto<'a>(mut fields: Fields<'a>) -> CheckResult<(i64, Vec<Dim<'a>>)> {
     let mut tensor = None;
     while let Some(f) = fields.next()? {
         match f.number {
-            1 => f.once(&mut tensor, tensor_type(f.message("a tensor's type")?)?)?,
+            TypeProto::TENSOR_TYPE => f.once(&mut tensor, tensor_type(f.message("a tensor's type")?)?)?,
             _ => f.refuse("a type other than a tensor's")?,
         }
     }
@@ -308,8 +322,8 @@ fn tensor_type<'a>(mut fields: Fields<'a>) -> CheckResult<(i64, Vec<Dim<'a>>)> {
     let (mut element, mut shape) = (None, None);
     while let Some(f) = fields.next()? {
         match f.number {
-            1 => f.once(&mut element, f.int()?)?,
-            2 => f.once(&mut shape, dims(f.message("a shape")?)?)?,
+            TensorTypeProto::ELEM_TYPE => f.once(&mut element, f.int()?)?,
+            TensorTypeProto::SHAPE => f.once(&mut shape, dims(f.message("a shape")?)?)?,
             _ => f.refuse("an unknown part of a tensor's type")?,
         }
     }
@@ -323,7 +337,7 @@ fn dims<'a>(mut fields: Fields<'a>) -> CheckResult<Vec<Dim<'a>>> {
     let mut list = Vec::new();
     while let Some(f) = fields.next()? {
         match f.number {
-            1 => push(&f, &mut list, MAX_RANK, dim(f.message("a dimension")?)?)?,
+            TensorShapeProto::DIM => push(&f, &mut list, MAX_RANK, dim(f.message("a dimension")?)?)?,
             _ => f.refuse("an unknown part of a shape")?,
         }
     }
@@ -334,9 +348,9 @@ fn dim<'a>(mut fields: Fields<'a>) -> CheckResult<Dim<'a>> {
     let (mut dim, mut meaning) = (None, None);
     while let Some(f) = fields.next()? {
         match f.number {
-            1 => f.once(&mut dim, Dim::Number(f.int()?))?,
-            2 => f.once(&mut dim, Dim::Symbol(f.text(MAX_TEXT)?))?,
-            3 => f.once(&mut meaning, f.text(MAX_TEXT)?)?,
+            DimensionProto::DIM_VALUE => f.once(&mut dim, Dim::Number(f.int()?))?,
+            DimensionProto::DIM_PARAM => f.once(&mut dim, Dim::Symbol(f.text(MAX_TEXT)?))?,
+            DimensionProto::DENOTATION => f.once(&mut meaning, f.text(MAX_TEXT)?)?,
             _ => f.refuse("an unknown part of a dimension")?,
         }
     }

@@ -4,17 +4,20 @@
 //! each model that uses them. A value that one slice makes and a later one reads is an intermediate tensor: an output of the first and an input of the
 //! second. What slices read of the conditioning is an input of theirs.
 
+mod groups;
+mod submodel;
+
 use std::cell::OnceCell;
 use std::collections::HashMap;
 use std::ops::Range;
 
+use self::groups::groups;
+use self::submodel::GraphFields;
 use super::check::{footprint_at, opset, parse};
 use super::conditioning::{Runs, when_nodes_run};
 use super::interface::{Interface, Port};
 use super::proto::{self, Data, Graph};
-use super::shape_inference::{Footprint, Named, infer_sizes};
-use super::wire::{Field, Fields};
-use super::writer::{reserved, write_bytes, write_int};
+use super::shape_inference::Footprint;
 use super::{CheckResult, DataType, Fault, ModelContext, Shape, quoted};
 use crate::bundle::cost::GraphCost;
 use crate::bundle::{Bundle, GraphKind, Manifest, Precision};
@@ -23,8 +26,6 @@ use crate::{Error, ErrorKind, Result};
 /// Multiply-adds that count as much as one byte that is moved. Processors do fewer in that time, graphics adapters more; the layers of a
 /// transformer are so much alike that the shares hardly depend on it.
 const MULTIPLY_ADDS_PER_BYTE: u64 = 16;
-/// Bytes of a value's name, type and shape in a model, at most.
-const MAX_VALUE_INFO: usize = 1024;
 
 /// A transformer, and the nodes between which it can be split.
 pub(crate) struct Splitting<'a> {
@@ -49,16 +50,6 @@ pub(crate) struct Splitting<'a> {
     starts: Vec<usize>,
     /// Estimated work of each part, once it was needed.
     work: OnceCell<Vec<u64>>,
-}
-
-/// The fields of a graph as they stand in the file, in the order of the lists in [`Graph`].
-#[derive(Default)]
-struct GraphFields<'a> {
-    name: Option<Field<'a>>,
-    nodes: Vec<Field<'a>>,
-    tensors: Vec<Field<'a>>,
-    inputs: Vec<&'a [u8]>,
-    outputs: Vec<&'a [u8]>,
 }
 
 /// A value of the graph.
@@ -495,112 +486,6 @@ impl<'a> Splitting<'a> {
         Ok(Some(ConditioningModel { onnx, input, values, footprint, stored_weights }))
     }
 
-    /// Writes a model of the nodes `own`, and of the constants that they read. It makes `outputs`. Other values that the nodes read are its inputs:
-    /// inputs and outputs of the whole model, the conditioning, and values of earlier models, which `of_earlier` finds. Returns the model, its inputs
-    /// and its sizes.
-    fn write_model(
-        &self,
-        own: Vec<usize>,
-        outputs: &[(SliceTensor, usize)],
-        mut of_earlier: impl FnMut(usize) -> CheckResult<Option<SliceTensor>>,
-    ) -> CheckResult<(Vec<u8>, Vec<SliceTensor>, Footprint)> {
-        let (mut kept_nodes, mut kept_tensors) =
-            (vec![false; self.graph.nodes.len()], vec![false; self.graph.tensors.len()]);
-        own.iter().for_each(|&i| kept_nodes[i] = true);
-        let (mut inputs, mut pending) = (Vec::new(), own);
-        let mut is_input = vec![false; self.values.len()];
-        while let Some(i) = pending.pop() {
-            for name in self.graph.nodes[i].inputs.iter().filter(|name| !name.is_empty()) {
-                let value = find(&self.names, name)?;
-                let input = match self.values[value] {
-                    Value { origin: Origin::Tensor(at), .. } => {
-                        kept_tensors[at] = true;
-                        None
-                    }
-                    Value { origin: Origin::Folded(at), .. } => {
-                        if !std::mem::replace(&mut kept_nodes[at], true) {
-                            pending.push(at);
-                        }
-                        None
-                    }
-                    Value { origin: Origin::Node(at) | Origin::Conditioning(at), .. } if kept_nodes[at] => None,
-                    Value { origin: Origin::Input(at), .. } => Some(SliceTensor::Input(at)),
-                    Value { origin: Origin::Conditioning(_), .. } => Some(self.conditioning_value(value)?),
-                    Value { output: Some(at), .. } => Some(SliceTensor::Output(at)),
-                    _ => of_earlier(value)?,
-                };
-                if let Some(tensor) = input
-                    && !std::mem::replace(&mut is_input[value], true)
-                {
-                    inputs.push((tensor, value));
-                }
-            }
-        }
-        // Inputs in the order in which they are made; it does not depend on the order of the search.
-        inputs.sort_by_key(|(_, value)| *value);
-
-        // Names and types of values between models are not in the whole one.
-        let bytes = self.onnx.len() + (inputs.len() + outputs.len()) * MAX_VALUE_INFO;
-        let mut graph = reserved(bytes)?;
-        for (field, _) in self.fields.nodes.iter().zip(&kept_nodes).filter(|(_, is_kept)| **is_kept) {
-            field.write(&mut graph);
-        }
-        self.fields.name.iter().for_each(|name| name.write(&mut graph));
-        for (field, _) in self.fields.tensors.iter().zip(&kept_tensors).filter(|(_, is_kept)| **is_kept) {
-            field.write(&mut graph);
-        }
-        for (number, tensors) in [(11, &inputs[..]), (12, outputs)] {
-            for &(tensor, value) in tensors {
-                match tensor {
-                    SliceTensor::Input(at) => write_bytes(&mut graph, number, self.fields.inputs[at]),
-                    SliceTensor::Output(at) => write_bytes(&mut graph, number, self.fields.outputs[at]),
-                    SliceTensor::Intermediate(_) | SliceTensor::OfLevels(_) | SliceTensor::OfControls(_) => {
-                        write_bytes(&mut graph, number, &value_info(&self.values[value]));
-                    }
-                }
-            }
-        }
-        let mut onnx = reserved(bytes)?;
-        let mut fields = Fields::new("the model", self.onnx);
-        while let Some(field) = fields.next()? {
-            match field.number {
-                7 => write_bytes(&mut onnx, 7, &graph),
-                _ => field.write(&mut onnx),
-            }
-        }
-
-        let footprint = self.check_written(&onnx, &inputs, outputs)?;
-        Ok((onnx, inputs.into_iter().map(|(tensor, _)| tensor).collect(), footprint))
-    }
-
-    /// A value of the conditioning, as slices read it.
-    fn conditioning_value(&self, value: usize) -> CheckResult<SliceTensor> {
-        let of_levels = self.of_levels.binary_search(&value).ok().map(SliceTensor::OfLevels);
-        let found = of_levels.or_else(|| self.of_controls.binary_search(&value).ok().map(SliceTensor::OfControls));
-        found.ok_or_else(|| Fault::new(format!("no pass reads {}", quoted(self.values[value].name))))
-    }
-
-    /// Reads a written model as any model, and infers its sizes.
-    fn check_written(
-        &self,
-        onnx: &[u8],
-        inputs: &[(SliceTensor, usize)],
-        outputs: &[(SliceTensor, usize)],
-    ) -> CheckResult<Footprint> {
-        let model = proto::model(onnx)?;
-        let shapes = |list: &[(SliceTensor, usize)]| -> CheckResult<Vec<(&str, Shape)>> {
-            let named = |&(_, value): &(SliceTensor, usize)| {
-                let Value { name, shape, .. } = &self.values[value];
-                let shape = shape.clone().ok_or_else(|| Fault::new(format!("{} has no shape", quoted(name))))?;
-                Ok((*name, shape))
-            };
-            list.iter().map(named).collect()
-        };
-        let (inputs, outputs) = (shapes(inputs)?, shapes(outputs)?);
-        let (inputs, outputs): (&Named<'_>, &Named<'_>) = (&inputs, &outputs);
-        infer_sizes(&model.graph, self.opset, inputs, outputs, &mut |_, _, _| ())
-    }
-
     /// Adds a value that `slice` makes and a later one reads; returns its position in `list`.
     fn add_intermediate(
         &self,
@@ -629,30 +514,6 @@ impl<'a> Splitting<'a> {
         let shape = shape.dims.iter().map(|&n| usize::try_from(n)).collect::<std::result::Result<Vec<_>, _>>();
         let shape = shape.map_err(|_| fault("is too large"))?;
         Ok(NamedTensor { name: (*name).to_owned(), precision, shape })
-    }
-}
-
-impl<'a> GraphFields<'a> {
-    fn of(onnx: &'a [u8]) -> CheckResult<Self> {
-        let mut found = Self::default();
-        let mut fields = Fields::new("the model", onnx);
-        while let Some(field) = fields.next()? {
-            if field.number != 7 {
-                continue;
-            }
-            let mut fields = field.message("the graph")?;
-            while let Some(field) = fields.next()? {
-                match field.number {
-                    1 => push(&mut found.nodes, field)?,
-                    2 => found.name = Some(field),
-                    5 => push(&mut found.tensors, field)?,
-                    11 => push(&mut found.inputs, field.bytes()?)?,
-                    12 => push(&mut found.outputs, field.bytes()?)?,
-                    _ => {}
-                }
-            }
-        }
-        Ok(found)
     }
 }
 
@@ -710,89 +571,9 @@ fn find(names: &HashMap<&str, usize>, name: &str) -> CheckResult<usize> {
     names.get(name).copied().ok_or_else(|| Fault::new(format!("{} is read before it is made", quoted(name))))
 }
 
-/// `ValueInfoProto` of a value with known dimensions.
-fn value_info(value: &Value<'_>) -> Vec<u8> {
-    let (mut shape, mut tensor, mut kind, mut written) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    if let Some(Shape { element, dims }) = &value.shape {
-        for &n in dims {
-            let mut dimension = Vec::new();
-            write_int(&mut dimension, 1, n);
-            write_bytes(&mut shape, 1, &dimension);
-        }
-        write_int(&mut tensor, 1, *element as u64);
-    }
-    write_bytes(&mut tensor, 2, &shape);
-    write_bytes(&mut kind, 1, &tensor);
-    write_bytes(&mut written, 1, value.name.as_bytes());
-    write_bytes(&mut written, 2, &kind);
-    written
-}
-
-/// Divides consecutive parts into `count` groups whose largest sum of `work` is as small as it can be. There are at least `count` parts, and
-/// `count` is at least 1.
-fn groups(work: &[u64], count: usize) -> Vec<Range<usize>> {
-    let needed = |limit: u64| {
-        let (mut groups, mut sum) = (1, 0_u64);
-        for &part in work {
-            sum = sum.saturating_add(part);
-            if sum > limit {
-                (groups, sum) = (groups + 1, part);
-            }
-        }
-        groups
-    };
-    let largest = work.iter().copied().max().unwrap_or(0);
-    let (mut low, mut high) = (largest, work.iter().fold(0_u64, |sum, &part| sum.saturating_add(part)));
-    while low < high {
-        let middle = low + (high - low) / 2;
-        if needed(middle) <= count { high = middle } else { low = middle + 1 }
-    }
-    let (mut groups, mut start, mut sum) = (Vec::with_capacity(count), 0, 0_u64);
-    for (at, &part) in work.iter().enumerate() {
-        sum = sum.saturating_add(part);
-        // Every group that is left needs a part.
-        let are_parts_short = work.len() - at == count - groups.len() - 1;
-        if at > start && (sum > high || are_parts_short) {
-            groups.push(start..at);
-            (start, sum) = (at, part);
-        }
-    }
-    groups.push(start..work.len());
-    groups
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn groups_are_as_many_as_asked_for_and_their_largest_is_as_small_as_can_be() {
-        assert_eq!(groups(&[1, 1, 1, 1], 2), [0..2, 2..4]);
-        assert_eq!(groups(&[1, 1, 1, 9], 2), [0..3, 3..4]);
-        assert_eq!(groups(&[9, 1, 1, 1], 3), [0..1, 1..3, 3..4]);
-        assert_eq!(groups(&[u64::MAX; 3], 3), [0..1, 1..2, 2..3]);
-        assert_eq!(groups(&[u64::MAX; 3], 1), vec![0..3]);
-        // Every division is tried.
-        fn smallest(work: &[u64], count: usize) -> u64 {
-            if count == 1 {
-                return work.iter().sum();
-            }
-            let first = 1..=work.len() - (count - 1);
-            let largest = |n: usize| work[..n].iter().sum::<u64>().max(smallest(&work[n..], count - 1));
-            first.map(largest).min().expect("a division")
-        }
-        for work in [[3, 1, 4, 1, 5, 9, 2, 6], [1, 1, 1, 1, 1, 1, 1, 1], [8, 7, 6, 5, 4, 3, 2, 1]] {
-            for count in 1..=work.len() {
-                let found = groups(&work, count);
-                let ends = found.iter().map(|group| group.end).chain([work.len()]);
-                assert!(std::iter::once(0).chain(ends).is_sorted() && found.iter().all(|group| !group.is_empty()));
-                assert_eq!((found.len(), found[0].start, found[count - 1].end), (count, 0, work.len()));
-                assert!(found.windows(2).all(|pair| pair[0].end == pair[1].start));
-                let largest = found.iter().map(|group| work[group.clone()].iter().sum::<u64>()).max();
-                assert_eq!(largest, Some(smallest(&work, count)), "{work:?} in {count}");
-            }
-        }
-    }
 
     #[test]
     fn tensors_share_a_buffer_only_while_no_slice_needs_both() {

@@ -6,6 +6,7 @@
 use std::collections::HashMap;
 
 use super::check::opset;
+use super::messages::{GraphProto, TensorProto};
 use super::model_writer::{attribute, node, tensor};
 use super::proto::{self, Graph, Node};
 use super::shape_inference::{Input, infer_sizes, named_shapes, tensor_shape};
@@ -128,7 +129,7 @@ impl SplitMatMul {
         let name = |what: &str| format!("{PREFIX}.{i}.{what}");
         let mut integers = |what: &str, values: &[i64]| {
             let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-            write_bytes(graph, 5, &tensor(&name(what), DataType::I64, &[values.len()], &bytes));
+            write_bytes(graph, GraphProto::INITIALIZER, &tensor(&name(what), DataType::I64, &[values.len()], &bytes));
         };
         let is_matrix = self.result.len() == self.batch.len() + 2;
         integers("left.size", &[-1, self.parts.cast_signed(), self.rows.cast_signed()]);
@@ -139,7 +140,7 @@ impl SplitMatMul {
         let sum = if is_matrix { product.outputs[0].to_owned() } else { name("rows") };
         let [left_parts, left, parts] = ["left.parts", "left", "parts"].map(name);
         let mut add = |operator: &str, inputs: &[&str], output: &str, attributes: &[Vec<u8>]| {
-            write_bytes(graph, 1, &node(operator, output, inputs, &[output], attributes));
+            write_bytes(graph, GraphProto::NODE, &node(operator, output, inputs, &[output], attributes));
         };
         // From [.., tokens, K] to [parts, tokens, rows].
         add("Reshape", &[product.inputs[0], &name("left.size")], &left_parts, &[]);
@@ -162,14 +163,14 @@ fn rewrite_graph(
     let (mut nodes, mut tensors) = (graph.nodes.iter().enumerate(), graph.tensors.iter());
     while let Some(field) = fields.next()? {
         match field.number {
-            1 => match nodes.next().and_then(|(i, node)| Some((i, node, split_of(products, node)?))) {
+            GraphProto::NODE => match nodes.next().and_then(|(i, node)| Some((i, node, split_of(products, node)?))) {
                 Some((i, node, product)) => product.write_nodes(&mut written, i, node),
                 None => field.write(&mut written),
             },
-            5 => match tensors.next().and_then(|tensor| products.get(tensor.name)) {
+            GraphProto::INITIALIZER => match tensors.next().and_then(|tensor| products.get(tensor.name)) {
                 Some(product) => {
                     let tensor = with_dims(field.message("an initializer")?, &product.weights())?;
-                    write_bytes(&mut written, 5, &tensor);
+                    write_bytes(&mut written, GraphProto::INITIALIZER, &tensor);
                 }
                 None => field.write(&mut written),
             },
@@ -182,9 +183,9 @@ fn rewrite_graph(
 /// The same tensor with other dimensions.
 fn with_dims(mut fields: Fields<'_>, dims: &[u64]) -> CheckResult<Vec<u8>> {
     let mut written = Vec::new();
-    dims.iter().for_each(|&n| write_int(&mut written, 1, n));
+    dims.iter().for_each(|&n| write_int(&mut written, TensorProto::DIMS, n));
     while let Some(field) = fields.next()? {
-        if field.number != 1 {
+        if field.number != TensorProto::DIMS {
             field.write(&mut written);
         }
     }

@@ -3,6 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::conditioning::tensor_bytes;
+use super::messages::{GraphProto, TensorProto};
 use super::model_writer::value_info;
 use super::operators::NBITS;
 use super::proto::{self, Data, Graph};
@@ -84,7 +85,7 @@ fn multiplied_constants<'a>(graph: &Graph<'a>) -> CheckResult<HashSet<&'a str>> 
 fn graph_without(weights: &[Weight<'_>], mut fields: Fields<'_>) -> CheckResult<Vec<u8>> {
     let mut written = Vec::new();
     while let Some(field) = fields.next()? {
-        if field.number == 5 {
+        if field.number == GraphProto::INITIALIZER {
             let name = name_of(field.message("an initializer")?)?;
             if weights.iter().any(|weight| weight.name == name) {
                 continue;
@@ -94,7 +95,7 @@ fn graph_without(weights: &[Weight<'_>], mut fields: Fields<'_>) -> CheckResult<
     }
     for weight in weights {
         let element = if weight.is_integer { DataType::U8 } else { DataType::F16 };
-        write_bytes(&mut written, 11, &value_info(weight.name, element, &weight.shape));
+        write_bytes(&mut written, GraphProto::INPUT, &value_info(weight.name, element, &weight.shape));
     }
     Ok(written)
 }
@@ -102,7 +103,7 @@ fn graph_without(weights: &[Weight<'_>], mut fields: Fields<'_>) -> CheckResult<
 /// A tensor's name.
 fn name_of<'a>(mut fields: Fields<'a>) -> CheckResult<&'a str> {
     while let Some(field) = fields.next()? {
-        if field.number == 8 {
+        if field.number == TensorProto::NAME {
             return field.text(usize::MAX);
         }
     }
@@ -111,6 +112,8 @@ fn name_of<'a>(mut fields: Fields<'a>) -> CheckResult<&'a str> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::messages::{ModelProto, StringStringEntryProto, data_location};
+    use super::super::model_writer::node;
     use super::super::writer::write_int;
     use super::*;
     use crate::ErrorKind;
@@ -118,28 +121,20 @@ mod tests {
     /// An initializer of half floats in `weights.bin`.
     fn initializer(name: &str, dims: &[u64], offset: u64) -> Vec<u8> {
         let mut tensor = Vec::new();
-        dims.iter().for_each(|&n| write_int(&mut tensor, 1, n));
-        write_int(&mut tensor, 2, DataType::F16 as u64);
-        write_bytes(&mut tensor, 8, name.as_bytes());
+        dims.iter().for_each(|&n| write_int(&mut tensor, TensorProto::DIMS, n));
+        write_int(&mut tensor, TensorProto::DATA_TYPE, DataType::F16 as u64);
+        write_bytes(&mut tensor, TensorProto::NAME, name.as_bytes());
         let length = 2 * dims.iter().product::<u64>();
         for (key, value) in
             [("location", "weights.bin"), ("offset", &offset.to_string()), ("length", &length.to_string())]
         {
             let mut entry = Vec::new();
-            write_bytes(&mut entry, 1, key.as_bytes());
-            write_bytes(&mut entry, 2, value.as_bytes());
-            write_bytes(&mut tensor, 13, &entry);
+            write_bytes(&mut entry, StringStringEntryProto::KEY, key.as_bytes());
+            write_bytes(&mut entry, StringStringEntryProto::VALUE, value.as_bytes());
+            write_bytes(&mut tensor, TensorProto::EXTERNAL_DATA, &entry);
         }
-        write_int(&mut tensor, 14, 1);
+        write_int(&mut tensor, TensorProto::DATA_LOCATION, data_location::EXTERNAL.cast_unsigned());
         tensor
-    }
-
-    fn node(operator: &str, inputs: [&str; 2], output: &str) -> Vec<u8> {
-        let mut node = Vec::new();
-        inputs.iter().for_each(|name| write_bytes(&mut node, 1, name.as_bytes()));
-        write_bytes(&mut node, 2, output.as_bytes());
-        write_bytes(&mut node, 4, operator.as_bytes());
-        node
     }
 
     fn model(initializers: &[Vec<u8>]) -> Vec<u8> {
@@ -153,15 +148,15 @@ mod tests {
             ("MatMul", ["folded", "small"], "constant"),
             ("Add", ["e", "constant"], "y"),
         ] {
-            write_bytes(&mut graph, 1, &node(operator, inputs, output));
+            write_bytes(&mut graph, GraphProto::NODE, &node(operator, output, &inputs, &[output], &[]));
         }
-        initializers.iter().for_each(|tensor| write_bytes(&mut graph, 5, tensor));
+        initializers.iter().for_each(|tensor| write_bytes(&mut graph, GraphProto::INITIALIZER, tensor));
         let whole = Weight { name: "x", is_integer: false, shape: vec![1, 256], bytes: &[] };
-        write_bytes(&mut graph, 11, &value_info(whole.name, DataType::F16, &whole.shape));
-        write_bytes(&mut graph, 12, &value_info("y", DataType::F16, &whole.shape));
-        write_int(&mut model, 1, 8);
-        write_bytes(&mut model, 7, &graph);
-        write_bytes(&mut model, 8, &[]);
+        write_bytes(&mut graph, GraphProto::INPUT, &value_info(whole.name, DataType::F16, &whole.shape));
+        write_bytes(&mut graph, GraphProto::OUTPUT, &value_info("y", DataType::F16, &whole.shape));
+        write_int(&mut model, ModelProto::IR_VERSION, 8);
+        write_bytes(&mut model, ModelProto::GRAPH, &graph);
+        write_bytes(&mut model, ModelProto::OPSET_IMPORT, &[]);
         model
     }
 

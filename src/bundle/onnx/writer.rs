@@ -1,5 +1,6 @@
 //! Writer of protobuf's wire format.
 
+use super::messages::ModelProto;
 use super::wire::{Field, Fields, Value};
 use super::{CheckResult, Fault};
 
@@ -34,7 +35,7 @@ pub(super) fn with_graph(
     let mut fields = Fields::new("the model", onnx);
     while let Some(field) = fields.next()? {
         match field.number {
-            7 => write_bytes(&mut written, 7, &rewrite(field.bytes()?)?),
+            ModelProto::GRAPH => write_bytes(&mut written, ModelProto::GRAPH, &rewrite(field.bytes()?)?),
             _ => field.write(&mut written),
         }
     }
