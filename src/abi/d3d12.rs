@@ -485,7 +485,7 @@ pub unsafe extern "C" fn cairn_presenter_record_d3d12(
 /// Ownership: target stays the caller's; on success *fence has one more reference, which the caller releases, and frame is filled;
 /// on failure nothing is written and no frame was submitted.
 /// Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY. The queue may be used by others at the same time.
-/// Results: CAIRN_OK; CAIRN_NOT_READY, and the errors of cairn_presenter_record_d3d12.
+/// Results: CAIRN_OK; CAIRN_NOT_READY, CAIRN_QUEUE_FULL and the errors, as of cairn_presenter_record_d3d12.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_presenter_submit_d3d12(
@@ -511,7 +511,11 @@ pub unsafe extern "C" fn cairn_presenter_submit_d3d12(
         check_gpu(&device)?;
         // SAFETY: the host's promise about its objects.
         let made = unsafe { backend::record(&object.renderer, &object.presenter, &device, now_ns, &to) }?;
-        let FrameResult::Frame(info, Some(guard)) = made else { return Ok(CAIRN_NOT_READY) };
+        let (info, guard) = match made {
+            FrameResult::Frame(info, Some(guard)) => (info, guard),
+            FrameResult::QueueFull => return Ok(CAIRN_QUEUE_FULL),
+            FrameResult::Frame(_, None) | FrameResult::NotReady => return Ok(CAIRN_NOT_READY),
+        };
         // SAFETY: checked above; writable by the host's promise.
         unsafe { fence.write(guard.fence.cast()) };
         // SAFETY: as above.

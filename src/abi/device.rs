@@ -185,7 +185,7 @@ pub unsafe extern "C" fn cairn_device_create_auto(
 ) -> cairn_result {
     call("cairn_device_create_auto", || {
         check_out(device, "device")?;
-        check_text_buffer(refusals, capacity, length)?;
+        check_text_buffer(refusals, "refusals", capacity, length)?;
         // SAFETY: the host's promise about `options`.
         let options = unsafe { DeviceOptions::read(options) }?;
         let ort = Ort::find(&options.libraries)?;

@@ -167,19 +167,31 @@ pub(super) fn insert<H: Handle>(object: impl Into<Arc<H::Object>>) -> AbiResult<
 
 /// Gets the object of `handle` for a call that may run at the same time as others.
 pub(super) fn enter<H: Handle>(handle: *const H) -> AbiResult<ObjectGuard<H::Object>> {
-    start_call(handle, CallKind::Concurrent)
+    start_call(handle, CallKind::Concurrent, Poisoned::Refused)
+}
+
+/// Gets the object of `handle` for a question that precedes its destruction, also if an earlier call has poisoned it.
+pub(super) fn enter_before_destruction<H: Handle>(handle: *const H) -> AbiResult<ObjectGuard<H::Object>> {
+    start_call(handle, CallKind::Concurrent, Poisoned::Accepted)
 }
 
 /// Gets the object of `handle` for a call that excludes other serialized calls.
 pub(super) fn enter_serialized<H: Handle>(handle: *mut H) -> AbiResult<ObjectGuard<H::Object>> {
-    start_call(handle.cast_const(), CallKind::Serialized)
+    start_call(handle.cast_const(), CallKind::Serialized, Poisoned::Refused)
 }
 
-fn start_call<H: Handle>(handle: *const H, kind: CallKind) -> AbiResult<ObjectGuard<H::Object>> {
+/// Whether a call may use an object that an earlier call has poisoned.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Poisoned {
+    Accepted,
+    Refused,
+}
+
+fn start_call<H: Handle>(handle: *const H, kind: CallKind, poisoned: Poisoned) -> AbiResult<ObjectGuard<H::Object>> {
     let table = TABLE.read();
     let entry = table.find(handle)?;
     let (gate, object) = (entry.gate.clone(), entry.object.clone());
-    if gate.is_poisoned() {
+    if poisoned == Poisoned::Refused && gate.is_poisoned() {
         return Err(Failure::new(
             CAIRN_ERROR_POISONED,
             format!("an earlier call on this {} failed by a fault of the library", H::NAME),

@@ -289,7 +289,7 @@ pub unsafe extern "C" fn cairn_presenter_query(
 /// Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
 /// Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor has arrived; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also
 /// if CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS is used with an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
-/// CAIRN_ERROR_OUT_OF_MEMORY.
+/// CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_UNSUPPORTED if the options require a generator for Direct3D 12.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_presenter_draw(
@@ -349,7 +349,7 @@ pub unsafe extern "C" fn cairn_presenter_resize(
 /// Ownership: on success the mask is copied; on failure it is not.
 /// Threads: any thread, at any time, also while a frame is drawn.
 /// Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for another size than that of the anchors that
-/// have arrived; CAIRN_ERROR_OUT_OF_MEMORY.
+/// were pushed; CAIRN_ERROR_OUT_OF_MEMORY.
 /// Since: 0.1.0
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn cairn_presenter_set_overlay(

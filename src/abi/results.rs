@@ -230,14 +230,14 @@ impl Failure {
         Self::new(CAIRN_ERROR_INVALID_ARGUMENT, why.to_string()).field(name)
     }
 
-    /// A call that needs Direct3D 12, where the platform or this build does not have it.
+    /// A call that needs Direct3D 12, with an object of another device or on a platform without it.
     pub(super) fn no_d3d12() -> Self {
-        let why = if cfg!(windows) {
-            "this build of the library has no Direct3D 12 part"
+        let (why, remedy) = if cfg!(windows) {
+            ("the device or anchor is not of Direct3D 12", "Create the device with cairn_device_create_d3d12")
         } else {
-            "Direct3D 12 is not there on this platform"
+            ("Direct3D 12 is not there on this platform", "Use a CPU device")
         };
-        Self::new(CAIRN_ERROR_UNSUPPORTED, why).remedy("Use a CPU device")
+        Self::new(CAIRN_ERROR_UNSUPPORTED, why).remedy(remedy)
     }
 }
 

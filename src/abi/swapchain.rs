@@ -7,7 +7,7 @@ use crate::locks::Mutex;
 use super::boundary::call;
 use super::d3d12::{ID3D12GraphicsCommandList, ID3D12Resource, check_not_null};
 use super::device::cairn_device;
-use super::handles::{Handle, Kind, Object, destroy, enter, enter_serialized, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter, enter_before_destruction, enter_serialized, insert};
 use super::results::{AbiResult, CAIRN_ERROR_BUSY, CAIRN_OK, Failure, cairn_result};
 use super::structs::{Out, check_out, read};
 
@@ -349,7 +349,7 @@ pub unsafe extern "C" fn cairn_swapchain_destroy(swapchain: *mut cairn_swapchain
     call("cairn_swapchain_destroy", || {
         if !swapchain.is_null() {
             // A reference that is left could present with destroyed objects.
-            let object = enter(swapchain.cast_const())?;
+            let object = enter_before_destruction(swapchain.cast_const())?;
             let references = object.lock_part(&*object)?.external_references();
             if references > 0 {
                 let why = format!("references to the DXGI swap chain that are left: {references}");

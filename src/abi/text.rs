@@ -37,10 +37,10 @@ pub(super) unsafe fn required_text<'a>(text: *const c_char, name: &str) -> AbiRe
     unsafe { optional_text(text, name) }?.ok_or_else(|| Failure::argument(name, "a null pointer where text must be"))
 }
 
-/// Checks the pointers that [`copy_text`] gets, before there is a text.
-pub(super) fn check_text_buffer(text: *mut c_char, capacity: usize, length: *mut usize) -> AbiResult<()> {
+/// Checks the pointers that [`copy_text`] gets, before there is a text; `name` is that of the argument for it.
+pub(super) fn check_text_buffer(text: *mut c_char, name: &str, capacity: usize, length: *mut usize) -> AbiResult<()> {
     if text.is_null() && capacity > 0 {
-        return Err(Failure::argument("text", "a null pointer with a capacity"));
+        return Err(Failure::argument(name, "a null pointer with a capacity"));
     }
     if !length.is_aligned() {
         return Err(Failure::argument("length", "the pointer is misaligned"));
@@ -49,12 +49,12 @@ pub(super) fn check_text_buffer(text: *mut c_char, capacity: usize, length: *mut
 }
 
 /// Copies as many whole characters of `from` as fit into a caller's buffer, with a final NUL; `length` gets the full length in bytes.
-/// The result is CAIRN_TRUNCATED if they do not all fit.
+/// The result is CAIRN_TRUNCATED if they do not all fit. With a null `text` only `length` is written.
 ///
 /// # Safety
 /// `text` is null or has `capacity` writable bytes; `length` is null or can be written.
 pub(super) unsafe fn copy_text(from: &str, text: *mut c_char, capacity: usize, length: *mut usize) -> AbiResult {
-    check_text_buffer(text, capacity, length)?;
+    check_text_buffer(text, "text", capacity, length)?;
     // A host could never read what follows a NUL, and would call again with more room for ever.
     let from = before_nul(from);
     if !length.is_null() {

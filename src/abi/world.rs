@@ -361,6 +361,7 @@ fn load(
         return Err(Failure::argument("options.reserved", "it must be 0"));
     }
     let point = point.map(str::parse::<OperatingPoint>).transpose()?;
+    let precision = precision(options.precision, "options.precision")?;
     let reporter =
         ProgressReporter { callback: options.progress, user: options.user, cancelled: AtomicBool::new(false) };
     let read =
@@ -376,7 +377,7 @@ fn load(
     });
     point.check_for(bundle.geometry())?;
     let world_options = WorldOptions {
-        precision: precision(options.precision, "options.precision")?,
+        precision,
         memory_limit: Some(options.memory_limit).filter(|limit| *limit > 0),
         fit_window: options.flags & CAIRN_WORLD_FIT_WINDOW != 0,
         check_precision: options.flags & CAIRN_WORLD_CHECK_PRECISION != 0,

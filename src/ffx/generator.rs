@@ -244,9 +244,7 @@ impl Generator {
     /// The list is open and of the generator's device, and so are the resources, whose descriptions are right; they and the
     /// generator live until the list has run.
     pub unsafe fn record(&mut self, frame: &Frame) -> Result<()> {
-        if let Some((field, why)) = fault_of_pictures(frame, self.context.creation()) {
-            return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
-        }
+        self.check(frame)?;
         let FrameParams { rect, transfer, luminance, .. } = frame.params;
         let without = ConfigureFrameGeneration { flags: FrameFlags::NO_SWAPCHAIN, ..Default::default() };
         // SAFETY: the caller's promise.
@@ -269,6 +267,26 @@ impl Generator {
         Ok(())
     }
 
+    /// Checks a frame as [`record`](Self::record) does.
+    ///
+    /// # Errors
+    /// `InvalidArgument` with the field for input on which a provider would fail, hang or crash.
+    pub fn check(&self, frame: &Frame) -> Result<()> {
+        let made = self.context.creation();
+        let fault = fault_of_pictures(frame, made).or_else(|| fault(frame, made, self.hudless_format(), false));
+        fault.map_or(Ok(()), |(field, why)| Err(Error::new(ErrorKind::InvalidArgument, why).field(field)))
+    }
+
+    /// Checks a frame as [`prepare`](Self::prepare) does.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check).
+    #[cfg(windows)]
+    pub(super) fn check_presented(&self, frame: &Frame) -> Result<()> {
+        let fault = fault(frame, self.context.creation(), self.hudless_format(), true);
+        fault.map_or(Ok(()), |(field, why)| Err(Error::new(ErrorKind::InvalidArgument, why).field(field)))
+    }
+
     /// Makes the configure and prepare calls of a frame; AMD's swap chain makes the third when the frame is presented. Returns the
     /// frame's id, and whether it drops the history. Ignores color, output, transfer and luminance.
     ///
@@ -279,6 +297,7 @@ impl Generator {
     /// As [`record`](Self::record); the swap chain and the callback's user data live until the next configure call replaces them.
     #[cfg(windows)]
     pub(super) unsafe fn prepare(&mut self, frame: &Frame, settings: ConfigureFrameGeneration) -> Result<(u64, bool)> {
+        self.check_presented(frame)?;
         // SAFETY: the caller's promise.
         let prepared = unsafe { self.begin(frame, settings) }?;
         (self.last, self.has_history) = (prepared.0, true);
@@ -307,13 +326,9 @@ impl Generator {
         &self.context
     }
 
-    /// Makes the configure call, with the swap chain, callback and flags of `settings`, and then the prepare call.
+    /// Makes the configure call, with the swap chain, callback and flags of `settings`, and then the prepare call, for a frame that was checked.
     unsafe fn begin(&mut self, frame: &Frame, settings: ConfigureFrameGeneration) -> Result<(u64, bool)> {
-        let is_presented = !settings.flags.contains(FrameFlags::NO_SWAPCHAIN);
-        let (made, hudless) = (self.context.creation(), self.hudless_format());
-        if let Some((field, why)) = fault(frame, made, hudless, is_presented) {
-            return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
-        }
+        let made = self.context.creation();
         let reset = frame.params.reset || !self.has_history;
         let id = self.last + 1;
         self.has_history = false;

@@ -42,16 +42,11 @@ impl SanitisedMotion {
         &self.texture
     }
 
-    /// Records the sanitising of `motion`, which has `size`; `scale` converts it to pixels of that size. Returns the sanitised texture
-    /// with its state.
-    pub(super) fn record(
-        &mut self,
-        gpu: &Gpu,
-        frame: &mut CommandRecorder<'_>,
-        motion: &ResourceWithState<'_>,
-        size: Dimensions,
-        scale: Coordinates,
-    ) -> Result<ResourceWithState<'_>> {
+    /// Checks that `motion`, which has `size`, can be sanitised, and creates a texture for it.
+    ///
+    /// # Errors
+    /// `InvalidArgument` with the field `motion` for a format that is not supported; `OutOfMemory`, `DeviceRemoved`.
+    pub(super) fn prepare(&mut self, gpu: &Gpu, motion: &ResourceWithState<'_>, size: Dimensions) -> Result<()> {
         // SAFETY: live resources.
         let (format, had) = unsafe { (motion.resource.GetDesc().Format, self.texture.GetDesc()) };
         if !FORMATS.contains(&format) {
@@ -62,6 +57,20 @@ impl SanitisedMotion {
             // Frames in flight hold the previous texture.
             self.texture = texture(gpu, size, DXGI_FORMAT_R16G16_FLOAT)?;
         }
+        Ok(())
+    }
+
+    /// Records the sanitising of `motion`, for which it is [prepared](Self::prepare); `scale` converts it to pixels of `size`, its own size.
+    /// Returns the sanitised texture with its state.
+    pub(super) fn record(
+        &self,
+        frame: &mut CommandRecorder<'_>,
+        motion: &ResourceWithState<'_>,
+        size: Dimensions,
+        scale: Coordinates,
+    ) -> Result<ResourceWithState<'_>> {
+        // SAFETY: a live resource.
+        let format = unsafe { motion.resource.GetDesc() }.Format;
         let clean = ResourceWithState { resource: &self.texture, state: WRITTEN };
         // The largest half, for a scale near 0.
         const LARGEST: f32 = 65504.0;

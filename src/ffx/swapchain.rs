@@ -166,9 +166,13 @@ impl Swapchain {
             }
         };
         check_buffer_count(gpu, api, creation_struct(&from), buffers).map_err(|error| gpu.or_removed(error))?;
-        let options = *options;
+        let mut options = *options;
         let head = head_of(&options, size, SurfaceFormat::from_dxgi(format.0.cast_unsigned()));
         let generator = generator(gpu, api, &options, head).map_err(|error| gpu.or_removed(error))?;
+        if let (true, Some(family)) = (options.self_test, generator.provider().version.family()) {
+            // `fit` creates another one without a test, so of the family that has passed it.
+            options.choice = Choice::Require(family);
+        }
         let callback_data = Box::new(CallbackData {
             api: *api,
             context: ReentrantMutex::new(Cell::new(generator.context().raw())),
@@ -322,6 +326,19 @@ impl Swapchain {
         };
         let (hudless, distortion) =
             (optional(&pictures.hudless, "hudless")?, optional(&pictures.distortion, "distortion")?);
+        self.motion.prepare(&self.gpu, &pictures.motion, motion_size)?;
+        let request = Frame {
+            command_list: list.as_raw(),
+            color: Resource::default(),
+            output: Resource::default(),
+            depth,
+            motion: Resource::of(self.motion.texture(), INPUT),
+            hudless,
+            distortion,
+            params: *params,
+        };
+        // Before anything is recorded.
+        self.generator.as_ref().ok_or_else(no_generator)?.check_presented(&request)?;
         // AMD's swap chain forgets a copied interface within `Present` (`copyUiResource` in its published source).
         if let Some(interface) =
             self.interface.as_ref().filter(|held| held.flags.contains(InterfaceFlags::DOUBLE_BUFFERED))
@@ -332,19 +349,9 @@ impl Swapchain {
         self.presented.signal_presented()?;
         let until = self.presented.next()?;
         let mut frame = self.ring.begin_in(list, &until)?;
-        let clean = self.motion.record(&self.gpu, &mut frame, &pictures.motion, motion_size, params.motion_scale)?;
+        let clean = self.motion.record(&mut frame, &pictures.motion, motion_size, params.motion_scale)?;
         frame.transition_to(&clean, READ)?;
         frame.transition_to(&pictures.depth, READ)?;
-        let request = Frame {
-            command_list: frame.list().as_raw(),
-            color: Resource::default(),
-            output: Resource::default(),
-            depth,
-            motion: Resource::of(clean.resource, INPUT),
-            hudless,
-            distortion,
-            params: *params,
-        };
         let generator = self.generator.as_mut().ok_or_else(no_generator)?;
         let settings = ConfigureFrameGeneration {
             swapchain: self.swapchain.as_raw(),

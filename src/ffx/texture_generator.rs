@@ -304,22 +304,26 @@ impl RecordingParts<'_> {
         let intermediate = intermediate.map(|resource| ResourceWithState { resource, state: WRITTEN });
         let output = intermediate.unwrap_or(pictures.output);
 
-        let clean = self.motion.record(self.gpu, frame, &pictures.motion, motion, params.motion_scale)?;
-        let inputs = [Some(clean), Some(pictures.color), Some(pictures.depth), pictures.hudless, pictures.distortion];
-        for input in inputs.iter().flatten() {
-            frame.transition_to(input, READ)?;
-        }
-        frame.transition_to(&output, WRITTEN)?;
+        self.motion.prepare(self.gpu, &pictures.motion, motion)?;
         let input = Frame {
             command_list: frame.list().as_raw(),
             color,
             output: Resource::of(output.resource, ResourceState::UNORDERED_ACCESS),
             depth,
-            motion: Resource::of(clean.resource, INPUT),
+            motion: Resource::of(self.motion.texture(), INPUT),
             hudless,
             distortion,
             params: *params,
         };
+        // Before anything is recorded.
+        self.generator.check(&input)?;
+
+        let clean = self.motion.record(frame, &pictures.motion, motion, params.motion_scale)?;
+        let inputs = [Some(clean), Some(pictures.color), Some(pictures.depth), pictures.hudless, pictures.distortion];
+        for input in inputs.iter().flatten() {
+            frame.transition_to(input, READ)?;
+        }
+        frame.transition_to(&output, WRITTEN)?;
         let drops_history = params.reset || !self.generator.has_history();
         // SAFETY: the frame's open list; its resources belong to the device, are in the stated states and are held by the frame;
         // the generator itself outlives the ring.

@@ -166,7 +166,7 @@ impl TextureUpscaler {
         frame.transition_to(opaque, READ)?;
         frame.transition_to(color, READ)?;
         frame.transition_to(output, WRITTEN)?;
-        let check_and_describe = |given: &ResourceWithState<'_>, state| Resource::of(given.resource, state);
+        let describe = |given: &ResourceWithState<'_>, state| Resource::of(given.resource, state);
         let (input, written) = (ResourceState::COMPUTE_READ, ResourceState::UNORDERED_ACCESS);
         let list = frame.list().as_raw();
         // SAFETY: the frame's open list; its resources belong to the device, are in the stated states and are held by the frame;
@@ -174,9 +174,9 @@ impl TextureUpscaler {
         unsafe {
             self.upscaler.find_reactive(
                 list,
-                check_and_describe(opaque, input),
-                check_and_describe(color, input),
-                check_and_describe(output, written),
+                describe(opaque, input),
+                describe(color, input),
+                describe(output, written),
                 mask,
             )
         }
@@ -255,24 +255,28 @@ impl RecordingParts<'_> {
         let intermediate = self.intermediate.as_ref().filter(|_| !is_written);
         let intermediate = intermediate.map(|resource| ResourceWithState { resource, state: WRITTEN });
         let output = intermediate.unwrap_or(pictures.output);
-        let motion = self.motion.record(self.gpu, frame, &pictures.motion, moved, params.motion_scale)?;
-        let inputs = [Some(pictures.color), Some(pictures.depth), Some(motion)];
-        let optional = [pictures.exposure, pictures.reactive, pictures.transparency];
-        for input in inputs.iter().chain(&optional).flatten() {
-            frame.transition_to(input, READ)?;
-        }
-        frame.transition_to(&output, WRITTEN)?;
+        self.motion.prepare(self.gpu, &pictures.motion, moved)?;
         let input = UpscaleFrame {
             command_list: frame.list().as_raw(),
             color,
             depth,
-            motion: Resource::of(motion.resource, INPUT),
+            motion: Resource::of(self.motion.texture(), INPUT),
             exposure,
             reactive,
             transparency,
             output: Resource::of(output.resource, ResourceState::UNORDERED_ACCESS),
             params: *params,
         };
+        // Before anything is recorded.
+        self.upscaler.check(&input)?;
+
+        let motion = self.motion.record(frame, &pictures.motion, moved, params.motion_scale)?;
+        let inputs = [Some(pictures.color), Some(pictures.depth), Some(motion)];
+        let optional = [pictures.exposure, pictures.reactive, pictures.transparency];
+        for input in inputs.iter().chain(&optional).flatten() {
+            frame.transition_to(input, READ)?;
+        }
+        frame.transition_to(&output, WRITTEN)?;
         // SAFETY: the frame's open list; its resources belong to the device, are in the stated states and are held by the frame;
         // the upscaler itself outlives the ring.
         unsafe { self.upscaler.record(&input) }?;

@@ -267,6 +267,15 @@ impl Upscaler {
         Ok(says.then(|| [query.head().required & is_given, query.head().optional & is_given]))
     }
 
+    /// Checks a frame as [`record`](Self::record) does.
+    ///
+    /// # Errors
+    /// `InvalidArgument` with the field for input on which a provider would fail, hang or crash.
+    pub fn check(&self, frame: &UpscaleFrame) -> Result<()> {
+        fault(frame, self.context.creation())
+            .map_or(Ok(()), |(field, why)| Err(Error::new(ErrorKind::InvalidArgument, why).field(field)))
+    }
+
     /// Records the upscaled frame into its list. The first frame, and one after a failure, drops the history as
     /// [`UpscaleParams::reset`] does.
     ///
@@ -278,9 +287,7 @@ impl Upscaler {
     /// The list is open and of the upscaler's device, and so are the resources, whose descriptions are right; they and the upscaler
     /// live until the list has run.
     pub unsafe fn record(&mut self, frame: &UpscaleFrame) -> Result<()> {
-        if let Some((field, why)) = fault(frame, self.context.creation()) {
-            return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
-        }
+        self.check(frame)?;
         let params = &frame.params;
         *self.dispatch.head_mut() = DispatchUpscale {
             command_list: frame.command_list,

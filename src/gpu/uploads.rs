@@ -22,9 +22,11 @@ pub struct Uploads {
     row: Vec<u8>,
 }
 
-/// Format of the picture in a slot.
+/// The picture in a slot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Content {
+    /// Number of the picture; 0 before it is known.
+    picture: u64,
     texel: PixelFormat,
     colours: Colours,
     size: (u32, u32),
@@ -91,7 +93,7 @@ impl Uploads {
             *memory = None;
             *memory = Some(MappedBuffer::new(&self.gpu, Heap::Upload, bytes)?);
         }
-        let content = Content { texel, colours, size };
+        let content = Content { picture: 0, texel, colours, size };
         Ok(Some(PendingUpload { uploads: self, slot, list, target, layout, content }))
     }
 
@@ -128,12 +130,13 @@ impl Uploads {
 }
 
 impl PendingUpload<'_> {
-    /// Writes the picture, which has the checked size, and records its copy. `is_repeated`: it is the picture of the previous copy, and
+    /// Writes the picture, which has the checked size, and records its copy. `number` differs between pictures; that of the previous copy
     /// is not written again. Call [`mark_in_use_until`](Uploads::mark_in_use_until) afterwards with the fence point at which the list has run.
-    pub fn record(self, picture: &Picture, is_repeated: bool) -> Result<()> {
+    pub fn record(self, picture: &Picture, number: u64) -> Result<()> {
         let Self { uploads, mut slot, list, target, layout, content } = self;
+        let content = Content { picture: number, ..content };
         assert_eq!(picture.size(), content.size, "the size that was checked");
-        match uploads.last.filter(|(_, last)| is_repeated && *last == content) {
+        match uploads.last.filter(|(_, last)| *last == content) {
             Some((last, _)) => slot = last,
             None => {
                 uploads.last = None;

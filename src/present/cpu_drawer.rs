@@ -24,6 +24,8 @@ pub(super) struct CpuDrawer {
     framed: Option<Picture>,
     /// Key of the last frame.
     pub(super) last: Option<FrameKey>,
+    /// Pictures made or begun so far: the number of the last one.
+    pub(super) pictures: u64,
     /// Outcome of the generator's last frame.
     pub(super) outcome: Outcome,
 }
@@ -39,6 +41,7 @@ impl CpuDrawer {
             resized: None,
             framed: None,
             last: None,
+            pictures: 0,
             outcome: Outcome::Held,
         }
     }

@@ -148,8 +148,8 @@ impl Presenter {
         let mut stream = self.stream.lock();
         let stream = &mut *stream;
         stream.arrive(now, self.options.multiplier);
-        let known = stream.anchor_size.or_else(|| stream.arriving.front().map(|(anchor, _)| anchor.size()));
-        fits(size, known.unwrap_or(size), "anchor").map_err(|e| e.remedy("Reset the presenter first"))?;
+        fits(size, stream.pushed_size().unwrap_or(size), "anchor")
+            .map_err(|e| e.remedy("Reset the presenter first"))?;
         if let Some(guidance) = &guidance {
             fits(guidance.size(), size, "guidance")?;
         }
@@ -210,7 +210,7 @@ impl Presenter {
     /// removes the mask. Every generator uses it.
     ///
     /// # Errors
-    /// `InvalidArgument` for another number of bytes, and for another size than that of the anchors that have arrived.
+    /// `InvalidArgument` for another number of bytes, and for another size than that of the anchors that were pushed.
     pub fn set_overlay(&self, overlay: Option<((u32, u32), Vec<u8>)>) -> Result<()> {
         let refuse = |cause: String| Err(Error::new(ErrorKind::InvalidArgument, cause).field("overlay"));
         let mut stream = self.stream.lock();
@@ -220,7 +220,7 @@ impl Presenter {
                 if mask.len() as u64 != u64::from(size.0) * u64::from(size.1) || mask.is_empty() {
                     return refuse(format!("{} bytes for {} x {} pixels", mask.len(), size.0, size.1));
                 }
-                if let Some(have) = stream.anchor_size.filter(|have| *have != size) {
+                if let Some(have) = stream.pushed_size().filter(|have| *have != size) {
                     return refuse(format!("{} x {} pixels over {} x {}", size.0, size.1, have.0, have.1));
                 }
                 Some(Arc::new(OverlayMask { size, mask }))
@@ -248,13 +248,13 @@ impl Presenter {
         self.draw_in_mode(DrawMode::AllFrames, now, size, |picture, _| write(picture))
     }
 
-    /// As [`draw`](Self::draw), for all frames or for anchors only; `write` also receives whether the picture is that of the last call.
+    /// As [`draw`](Self::draw), for all frames or for anchors only; `write` also receives a number above 0, which differs between pictures.
     pub(crate) fn draw_in_mode(
         &self,
         mode: DrawMode,
         now: u64,
         size: (u32, u32),
-        write: impl FnOnce(&Picture, bool),
+        write: impl FnOnce(&Picture, u64),
     ) -> Result<Option<FrameInfo>> {
         let mut drawer = self.drawer.lock();
         let phases = drawer.phases().filter(|_| mode == DrawMode::AllFrames);
@@ -267,9 +267,13 @@ impl Presenter {
         }
         request.info.unprepared = mode == DrawMode::AnchorsOnly;
         request.info.repeated = drawer.last == Some(request.key);
+        if !request.info.repeated {
+            drawer.pictures += 1;
+        }
+        let number = drawer.pictures;
         let mut times = FrameTimes::default();
         let picture = drawer.make(&request, size, &mut times)?;
-        write(picture, request.info.repeated);
+        write(picture, number);
         drawer.last = Some(request.key);
         let FrameRequest { mut info, plan, .. } = request;
         if !matches!(plan, FramePlan::Copy { .. }) && drawer.outcome != Outcome::Generated {
@@ -428,6 +432,11 @@ impl Presenter {
 }
 
 impl Stream {
+    /// `(width, height)` of the anchors that were pushed, also where none has arrived.
+    fn pushed_size(&self) -> Option<(u32, u32)> {
+        self.anchor_size.or_else(|| self.arriving.front().map(|(anchor, _)| anchor.size()))
+    }
+
     /// Moves the anchors that have arrived by now into the stream, in order.
     fn arrive(&mut self, now: u64, multiplier: u32) {
         while self.arriving.front().is_some_and(|(anchor, _)| anchor.is_complete()) {

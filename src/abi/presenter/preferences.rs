@@ -33,7 +33,9 @@ pub(super) fn colours(space: u32, white_nits: u32) -> AbiResult<Colours> {
 
 /// The options of the renderer for Direct3D 12. [`cpu_generator`] has checked the preferences.
 pub(super) fn renderer_options(options: &cairn_presenter_options, colours: Colours) -> RendererOptions {
+    let is_cpu_required = options.cpu == CAIRN_PREFER_REQUIRE;
     let [fsr, shader, upscaler] = [options.fsr, options.shader, options.upscaler].map(|preference| match preference {
+        _ if is_cpu_required => Preference::Never,
         CAIRN_PREFER_REQUIRE => Preference::Require,
         CAIRN_PREFER_NEVER => Preference::Never,
         _ => Preference::Auto,
@@ -53,6 +55,10 @@ pub(super) fn cpu_generator(options: &cairn_presenter_options) -> AbiResult<(Opt
     let required = preferences.iter().filter(|(_, preference)| *preference == CAIRN_PREFER_REQUIRE);
     if required.count() > 1 {
         return Err(Failure::argument("options.cpu", "only one generator can be required"));
+    }
+    if [options.cpu, options.upscaler] == [CAIRN_PREFER_REQUIRE; 2] {
+        let cause = "AMD's upscaler works with shaders, and the generator on the processor is required";
+        return Err(Failure::argument("options.upscaler", cause));
     }
     let missing = || {
         let failure =

@@ -330,8 +330,8 @@ impl CpuRenderer {
             return Ok(RenderResult::QueueFull);
         };
         let (mut upload, mut recorded) = (Some(upload), Ok(()));
-        let info = presenter.draw_in_mode(mode, now, size, |picture, is_repeated| {
-            recorded = upload.take().map_or(Ok(()), |upload| upload.record(picture, is_repeated));
+        let info = presenter.draw_in_mode(mode, now, size, |picture, number| {
+            recorded = upload.take().map_or(Ok(()), |upload| upload.record(picture, number));
         })?;
         drop(upload);
         recorded?;

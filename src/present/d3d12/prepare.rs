@@ -34,7 +34,7 @@ impl PrepareRequest<'_, '_> {
                 let cause = format!("frames are not written in DXGI_FORMAT {}", format.0);
                 Error::new(ErrorKind::InvalidArgument, cause)
                     .field("preparation.format")
-                    .remedy("Use RGBA8, BGRA8, RGB10A2 or RGBA16F")
+                    .remedy("Use RGBA8, BGRA8, RGB10A2, R11G11B10F or RGBA16F")
             })?,
         };
         let PrepareOptions { lists, pictures, latent, .. } = *options;

@@ -373,9 +373,12 @@ impl DeviceDrawer {
             UpscaleResult::Inactive => Ok(inputs),
             UpscaleResult::Upscaled(upscaled) => Ok(upscaled),
             UpscaleResult::Failed => {
+                // Nothing is prepared if one of these fails.
+                let prepared = self.prepared.take();
                 // Allocates memory for frames of the anchors' size. The device caches the pipelines already.
                 self.set_generation_size(self.size)?;
                 self.set_output_size(request.size(), request.letterbox)?;
+                self.prepared = prepared;
                 // The overlay mask had the upscaled size.
                 self.cache.inputs(request, false)
             }
