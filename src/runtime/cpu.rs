@@ -1,7 +1,6 @@
 //! Runs worlds on the host's processor: ONNX Runtime's CPU provider over memory of our own.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use ort::AsPointer;
 use ort::memory::{AllocationDevice, AllocatorType, MemoryInfo, MemoryType};
@@ -12,8 +11,8 @@ use ort::value::{Shape, TensorRefMut};
 use super::aligned_buffer::AlignedBuffer;
 use super::device::{Backend, DeviceKind};
 use super::execution_context::{
-    Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, MAX_GROUPS, RecordedCopiesId, RecordedCopy,
-    Region,
+    Backup, BindingId, BufferId, Bytes, ContextLimits, ExecutionContext, FiniteCheckId, MAX_GROUPS, RecordedCopiesId,
+    RecordedCopy, Region,
 };
 use super::failure::{make, ort_failure};
 use super::finite::all_finite;
@@ -122,13 +121,14 @@ impl Backend for CpuBackend {
         self
     }
 
-    fn context(&self, _: Option<Duration>) -> Result<Box<dyn ExecutionContext>> {
+    fn context(&self, limits: ContextLimits) -> Result<Box<dyn ExecutionContext>> {
         let (memories, bindings, recorded, finite_checks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         Ok(Box::new(CpuContext {
             memories,
             bindings,
             recorded,
             finite_checks,
+            limits,
             bytes: Bytes::default(),
             read: 0.into(),
         }))
@@ -143,6 +143,7 @@ struct CpuContext {
     recorded: Vec<Vec<RecordedCopy>>,
     /// Recorded finite checks: groups of buffers, and their element type.
     finite_checks: Vec<(Vec<Vec<BufferId>>, Precision)>,
+    limits: ContextLimits,
     bytes: Bytes,
     read: std::sync::atomic::AtomicU64,
 }
@@ -242,6 +243,7 @@ impl ExecutionContext for CpuContext {
     }
 
     fn run(&mut self, binding: BindingId) -> Result<()> {
+        self.limits.check_stop()?;
         let Bound { binding, graph } = &self.bindings[binding.0];
         let run = ort::api().RunWithBinding;
         // SAFETY: a session may run on several threads; this binding and its memories are used by `&mut self` alone.

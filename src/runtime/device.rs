@@ -1,11 +1,10 @@
 //! The devices that run worlds.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use super::cpu::{CpuBackend, CpuOptions};
 use super::graph::TensorSpec;
-use super::{ExecutionContext, Graph, Ort};
+use super::{ContextLimits, ExecutionContext, Graph, Ort};
 use crate::bundle::{ModelSource, Precision};
 use crate::{Error, LibrarySearch, Result};
 
@@ -27,7 +26,7 @@ pub(super) trait Backend: Send + Sync {
         shared: Option<&Arc<Graph>>,
     ) -> Result<Arc<Graph>>;
 
-    fn context(&self, longest_submission: Option<Duration>) -> Result<Box<dyn ExecutionContext>>;
+    fn context(&self, limits: ContextLimits) -> Result<Box<dyn ExecutionContext>>;
 
     /// Its Direct3D 12 device; `None` for other devices.
     #[cfg(windows)]
@@ -285,14 +284,8 @@ impl Device {
         self.backend.graph(what, model, dimensions, inputs, outputs, shared)
     }
 
-    pub(crate) fn context(&self) -> Result<Box<dyn ExecutionContext>> {
-        self.backend.context(None)
-    }
-
-    /// A context that waits before it queues more work on a graphics device than `longest_submission`, as one does whose device has
-    /// that limit. The smaller of both limits holds; a processor has no queue.
-    pub(crate) fn context_with_limit(&self, longest_submission: Option<Duration>) -> Result<Box<dyn ExecutionContext>> {
-        self.backend.context(longest_submission)
+    pub(crate) fn context(&self, limits: ContextLimits) -> Result<Box<dyn ExecutionContext>> {
+        self.backend.context(limits)
     }
 }
 

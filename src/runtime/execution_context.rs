@@ -2,10 +2,12 @@
 
 use std::any::Any;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use super::Graph;
 use crate::bundle::Precision;
-use crate::{Picture, Result};
+use crate::{Error, ErrorKind, Picture, Result};
 
 /// Handle of a buffer of one context.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,6 +80,29 @@ impl std::ops::Add for Bytes {
     }
 }
 
+/// Limits of a context's work.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct ContextLimits {
+    /// The context waits before it queues more work on a graphics device than this, as one does whose device has that limit. The smaller of
+    /// both limits holds; a processor has no queue.
+    #[cfg_attr(not(windows), expect(dead_code, reason = "Direct3D 12 queues alone are limited"))]
+    pub(crate) longest_submission: Option<Duration>,
+    /// While it is set, runs of graphs fail with `Cancelled`. All other calls work, so that the state can be restored after a failed run.
+    pub(crate) stop: Option<Arc<AtomicBool>>,
+}
+
+impl ContextLimits {
+    /// Fails with `Cancelled` while `stop` is set.
+    pub(super) fn check_stop(&self) -> Result<()> {
+        match &self.stop {
+            Some(stop) if stop.load(Ordering::SeqCst) => {
+                Err(Error::new(ErrorKind::Cancelled, "the step was cancelled"))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 /// Memory, bound graphs and the work submitted to them, in order. All of it belongs to the context, so a handle never outlives its
 /// object; a context belongs to one user at a time.
 ///
@@ -98,6 +123,12 @@ pub(crate) trait ExecutionContext: Send {
 
     /// Writes `bytes` into `to` from byte `at` on. `bytes` may be reused at once.
     fn upload(&mut self, to: BufferId, at: usize, bytes: &[u8]) -> Result<()>;
+
+    /// How often recorded work was lost because it could not be submitted: uploads that earlier calls recorded may not have reached their
+    /// buffers.
+    fn lost_submissions(&self) -> u64 {
+        0
+    }
 
     /// Replaces the contents of whole buffers: all or nothing.
     fn replace(&mut self, contents: &[(BufferId, &[u8])]) -> Result<()>;
@@ -125,7 +156,7 @@ pub(crate) trait ExecutionContext: Send {
     /// Restores the contents of buffers that this context backed up. Allocates nothing, because it runs after failures.
     fn restore_backup(&mut self, backup: Backup) -> Result<()>;
 
-    /// Runs a bound graph.
+    /// Runs a bound graph. Fails with `Cancelled` while the context [is stopped](ContextLimits::stop).
     fn run(&mut self, binding: BindingId) -> Result<()>;
 
     /// Waits, then reads `into.len()` bytes of `from` from byte `at` on.

@@ -6,12 +6,12 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
 
 use super::cpu::{CpuBackend, CpuOptions};
 use super::device::{Backend, DeviceKind};
 use super::execution_context::{
-    Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy, Region,
+    Backup, BindingId, BufferId, Bytes, ContextLimits, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy,
+    Region,
 };
 use super::graph::TensorSpec;
 use super::{Device, Graph, Ort};
@@ -68,9 +68,10 @@ impl Backend for FakeBackend {
         self.inner.graph(what, model, dimensions, inputs, outputs, shared)
     }
 
-    fn context(&self, longest_submission: Option<Duration>) -> Result<Box<dyn ExecutionContext>> {
+    fn context(&self, limits: ContextLimits) -> Result<Box<dyn ExecutionContext>> {
         let queue = Queue {
-            inner: self.inner.context(longest_submission)?,
+            // Work that was queued runs also after a stop.
+            inner: self.inner.context(ContextLimits::default())?,
             memories: Vec::new(),
             bindings: Vec::new(),
             finite_checks: Vec::new(),
@@ -79,6 +80,7 @@ impl Backend for FakeBackend {
         };
         Ok(Box::new(FakeContext {
             queue: RefCell::new(queue),
+            limits,
             recorded: Vec::new(),
             bytes: Bytes::default(),
             read: 0.into(),
@@ -97,6 +99,7 @@ impl Backend for FakeBackend {
 
 struct FakeContext {
     queue: RefCell<Queue>,
+    limits: ContextLimits,
     recorded: Vec<Vec<RecordedCopy>>,
     bytes: Bytes,
     read: AtomicU64,
@@ -252,6 +255,7 @@ impl ExecutionContext for FakeContext {
     }
 
     fn run(&mut self, binding: BindingId) -> Result<()> {
+        self.limits.check_stop()?;
         self.queue.get_mut().submit(Work::Run(binding));
         Ok(())
     }

@@ -22,7 +22,6 @@ mod library_search;
 mod module;
 mod pin;
 mod self_test;
-mod stoppable;
 mod webgpu;
 
 pub use cpu::CpuOptions;
@@ -34,8 +33,8 @@ pub use directml::DirectMlOptions;
 pub(crate) use directml::Snapshot;
 pub use execution_context::Bytes;
 pub(crate) use execution_context::{
-    Backup, BindingId, BufferId, DecodedPicture, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy,
-    Region, Tap,
+    Backup, BindingId, BufferId, ContextLimits, DecodedPicture, ExecutionContext, FiniteCheckId, RecordedCopiesId,
+    RecordedCopy, Region, Tap,
 };
 #[cfg(windows)]
 pub use execution_context::{CaptureStatistics, ExternalTimes};
@@ -45,6 +44,5 @@ pub(crate) use graph::{ElementType, Graph, TensorSpec, element_size};
 pub use library::Ort;
 #[cfg(windows)]
 pub use module::{LoadedLibrary, loaded_libraries};
-pub(crate) use stoppable::StoppableContext;
 pub(crate) use webgpu::WebGpuRequirements;
 pub use webgpu::{WebGpuAdapter, WebGpuOptions, webgpu_adapters};

@@ -1,9 +1,9 @@
 //! A graph with a known result, which a provider must compute before it gets a world.
 
-use super::Ort;
 use super::cpu::{CpuBackend, CpuOptions};
 use super::device::Backend;
 use super::graph::TensorSpec;
+use super::{ContextLimits, Ort};
 use crate::bundle::{DataType, ModelSource, ModelWriter, Precision};
 use crate::{Error, ErrorKind, Result};
 
@@ -38,7 +38,7 @@ pub(super) fn run_on_cpu(ort: &Ort) -> Result<()> {
     let onnx = model(Precision::F32);
     let source = ModelSource { onnx: &onnx, external: Vec::new() };
     let graph = backend.graph("self-test", &source, &[], vec![x], vec![y], None)?;
-    let mut context = backend.context(None)?;
+    let mut context = backend.context(ContextLimits::default())?;
     let [given, expected] = input_and_output(Precision::F32);
     let (x, y) = (context.buffer(given.len())?, context.buffer(expected.len())?);
     let binding = context.bind(&graph, &[x, y])?;

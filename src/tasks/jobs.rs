@@ -73,13 +73,18 @@ impl<'a> Loop<'a> {
             }
         }));
         if let Err(payload) = worked {
-            self.next.store(self.len, Ordering::Relaxed);
-            let mut kept = self.panic.lock();
-            match &*kept {
-                None => *kept = Some(payload),
-                // Dropping a panic's payload runs foreign code, which may panic again.
-                Some(_) => std::mem::forget(payload),
-            }
+            self.end_by_panic(payload);
+        }
+    }
+
+    /// Ends the loop by a panic. The first one is stored.
+    fn end_by_panic(&self, payload: Box<dyn Any + Send>) {
+        self.next.store(self.len, Ordering::Relaxed);
+        let mut kept = self.panic.lock();
+        match &*kept {
+            None => *kept = Some(payload),
+            // Dropping a panic's payload runs foreign code, which may panic again.
+            Some(_) => std::mem::forget(payload),
         }
     }
 }
@@ -146,8 +151,7 @@ impl LoopList {
             // `call` runs a host's function; its panic must not leave the loop in the list.
             let called = catch_unwind(AssertUnwindSafe(|| call(ticket)));
             if let Err(payload) = called {
-                this.next.store(this.len, Ordering::Relaxed);
-                *this.panic.lock() = Some(payload);
+                this.end_by_panic(payload);
             }
         }
         this.work(0);

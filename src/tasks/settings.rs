@@ -223,7 +223,8 @@ impl LoopExecutor {
     pub(super) fn concurrency(&self) -> usize {
         match &self.target {
             ExecutorTarget::Pool(pool) => pool.concurrency(),
-            ExecutorTarget::Scheduler(scheduler) => scheduler.concurrency(),
+            // A host that answers 0 later than at `set_scheduler` still has the calling thread.
+            ExecutorTarget::Scheduler(scheduler) => scheduler.concurrency().max(1),
         }
     }
 

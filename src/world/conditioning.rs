@@ -6,7 +6,7 @@ use super::convert;
 use super::transformer::{SharedBuffers, Transformer};
 use crate::bundle::{ConditioningModel, KEPT_LEVELS, ModelSource, NamedTensor, Precision, with_weights_inside};
 use crate::locks::Mutex;
-use crate::runtime::{BufferId, Device, ExecutionContext, Region, TensorSpec};
+use crate::runtime::{BufferId, ContextLimits, Device, ExecutionContext, Region, TensorSpec};
 use crate::{Error, ErrorKind, Result};
 
 /// Noise levels of a pass: one of each latent.
@@ -102,7 +102,7 @@ impl LevelConditioning {
         let source = ModelSource { onnx: &self.onnx, external: Vec::new() };
         let (inputs, outputs) = (vec![self.levels.clone()], self.values.clone());
         let graph = self.device.graph("conditioning", &source, &[], inputs, outputs, None)?;
-        let mut context = self.device.context()?;
+        let mut context = self.device.context(ContextLimits::default())?;
         let specs = std::iter::once(&self.levels).chain(&self.values);
         let buffers = specs.map(|spec| context.buffer(spec.bytes())).collect::<Result<Vec<_>>>()?;
         let binding = context.bind(&graph, &buffers)?;
@@ -142,6 +142,8 @@ pub(super) struct LevelInputs {
     /// Noise levels, and the buffers that have their values; no levels where buffers have none. The last one lacks buffers if there was no memory for
     /// them.
     kept: Vec<(Levels, Vec<BufferId>)>,
+    /// How often the context had lost work when they were uploaded.
+    lost_submissions: u64,
 }
 
 impl LevelInputs {
@@ -153,7 +155,8 @@ impl LevelInputs {
         count: usize,
     ) -> Result<Option<Self>> {
         let Some(source) = transformer.conditioning() else { return Ok(None) };
-        let mut made = Self { source: source.clone(), inputs: shared.conditioning.clone(), kept: Vec::new() };
+        let inputs = shared.conditioning.clone();
+        let mut made = Self { source: source.clone(), inputs, kept: Vec::new(), lost_submissions: 0 };
         (0..count).try_for_each(|_| made.add(context))?;
         Ok(Some(made))
     }
@@ -176,6 +179,11 @@ impl LevelInputs {
         context: &mut dyn ExecutionContext,
         levels: impl Iterator<Item = &'l [f32]> + Clone,
     ) -> Result<()> {
+        // Uploads of earlier calls may not have reached the device.
+        if self.lost_submissions != context.lost_submissions() {
+            self.kept.iter_mut().for_each(|(levels, _)| levels.clear());
+            self.lost_submissions = context.lost_submissions();
+        }
         let mut missing: Vec<Levels> = Vec::new();
         for wanted in levels.clone() {
             let known = self.kept.iter().map(|(own, _)| own).chain(&missing);
@@ -217,10 +225,5 @@ impl LevelInputs {
             context.copy(input, buffer, &[whole])?;
         }
         Ok(())
-    }
-
-    /// Forgets all values: after a failure, uploads may not have reached the device.
-    pub(super) fn forget(&mut self) {
-        self.kept.iter_mut().for_each(|(levels, _)| levels.clear());
     }
 }

@@ -14,7 +14,7 @@ use super::rope::RopeTable;
 use super::schedule::Schedule;
 use super::transformer::{PassBinding, Transformer};
 use crate::bundle::{Bundle, GraphKind, Manifest, ModelSource, ModelWithPeaks, Precision, Residual};
-use crate::runtime::{BufferId, Device, ExecutionContext, TensorSpec, element_size};
+use crate::runtime::{BufferId, ContextLimits, Device, ExecutionContext, TensorSpec, element_size};
 use crate::{Error, ErrorKind, Result};
 
 /// The largest relative error, in the L2 norm, of a latent that is made in float16.
@@ -186,7 +186,7 @@ impl Latent {
         precision: Precision,
         committed: Option<&[f32]>,
     ) -> Result<Self> {
-        let mut context = device.context()?;
+        let mut context = device.context(ContextLimits::default())?;
         let mut run = TransformerPass::new(&mut *context, transformer, manifest, shapes, precision)?;
         let mut x = convert::zeroed(shapes.latent_len())?;
         NoiseKey { seed: 0, latent: 0 }.fill(&mut x);

@@ -109,11 +109,6 @@ impl JoinedPass {
         Ok(())
     }
 
-    /// Makes the next step upload its conditioning again: after a failure, it may not have reached the device.
-    pub(super) fn forget_conditioning(&mut self) {
-        self.conditioning.iter_mut().for_each(LevelInputs::forget);
-    }
-
     /// Runs the pass from latent buffer `from`.
     pub(super) fn run(&self, context: &mut dyn ExecutionContext, from: usize) -> Result<()> {
         self.controls.map_or(Ok(()), |controls| context.run(controls))?;

@@ -72,7 +72,7 @@ impl PassController {
             // At least the next schedule, even if none is expected to fit.
             (self.schedule + 1..=last).find(|i| expected(*i) <= self.budget).unwrap_or(last)
         } else {
-            (0..self.schedule).find(|i| expected(*i) <= self.budget * 7 / 8).unwrap_or(self.schedule)
+            (0..self.schedule).find(|i| expected(*i) <= self.budget - self.budget / 8).unwrap_or(self.schedule)
         };
         (std::mem::replace(&mut self.schedule, schedule) != schedule).then_some((schedule, mean))
     }

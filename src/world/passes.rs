@@ -156,12 +156,6 @@ impl Passes {
         conditioning.map_or(Ok(()), |conditioning| conditioning.prepare(context, table.sigmas.chunks(1)))
     }
 
-    /// Makes the next step upload again what it would keep from earlier ones: after a failure, some of that may not have reached the device.
-    pub(super) fn forget_conditioning(&mut self) {
-        self.conditioning.iter_mut().for_each(LevelInputs::forget);
-        self.joined.iter_mut().for_each(JoinedPass::forget_conditioning);
-    }
-
     /// Embeds the controls of the prepared plan, which its passes need.
     pub(super) fn embed_controls(&self, context: &mut dyn ExecutionContext) -> Result<()> {
         self.controls.map_or(Ok(()), |controls| context.run(controls))

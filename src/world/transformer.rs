@@ -14,7 +14,7 @@ use crate::bundle::{
 };
 #[cfg(windows)]
 use crate::runtime::Work;
-use crate::runtime::{BindingId, BufferId, Device, ElementType, ExecutionContext, Graph, TensorSpec};
+use crate::runtime::{BindingId, BufferId, ContextLimits, Device, ElementType, ExecutionContext, Graph, TensorSpec};
 use crate::{Error, Result};
 
 /// Timed passes, after one warm-up pass.
@@ -462,7 +462,7 @@ impl Transformer {
 
     /// Measures passes: the median time of each slice, by the device's clock if it has one.
     fn measure(&self, device: &Device) -> Result<Vec<Duration>> {
-        let mut context = device.context()?;
+        let mut context = device.context(ContextLimits::default())?;
         let buffers: Vec<BufferId> =
             self.tensors.iter().map(|spec| context.buffer(spec.bytes())).collect::<Result<_>>()?;
         // Non-zero values, because kernels may be faster on zeroes.

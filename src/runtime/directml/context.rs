@@ -31,8 +31,8 @@ use crate::gpu::{
 };
 use crate::runtime::Graph;
 use crate::runtime::execution_context::{
-    Backup, BindingId, BufferId, Bytes, CaptureStatistics, Decoded, ExecutionContext, ExternalTimes, FiniteCheckId,
-    MAX_GROUPS, RecordedCopiesId, RecordedCopy, Region, Work,
+    Backup, BindingId, BufferId, Bytes, CaptureStatistics, ContextLimits, Decoded, ExecutionContext, ExternalTimes,
+    FiniteCheckId, MAX_GROUPS, RecordedCopiesId, RecordedCopy, Region, Work,
 };
 use crate::runtime::failure::{make, ort_failure};
 use crate::runtime::graph::{ElementType, TensorSpec};
@@ -87,6 +87,7 @@ pub(super) struct DirectMlContext {
     in_onnxruntime: Duration,
     /// Nanoseconds spent waiting for the device.
     waited: AtomicU64,
+    limits: ContextLimits,
     pub(super) throttle: SubmissionThrottle,
 }
 
@@ -149,7 +150,7 @@ impl DirectMlContext {
         gpu: &Gpu,
         directml: &DirectMlDevice,
         kernels: &Arc<Kernels>,
-        longest: Option<Duration>,
+        limits: ContextLimits,
     ) -> Result<Self> {
         // Some drivers do not fail when objects are created on a removed device.
         if let Some(gone) = directml.removed() {
@@ -157,40 +158,35 @@ impl DirectMlContext {
         }
         let mut recorder = Recorder::new(gpu)?;
         let copying = recorder.kind();
-        let recorder = Mutex::new(recorder);
         // Written explicitly: not every driver returns zeroed memory.
         let mut zeroes = MappedBuffer::new(gpu, Heap::Upload, ZEROES)?;
         zeroes.write(0, &vec![0; ZEROES]);
         let check_result = buffer(gpu, Heap::Device, size_of::<u32>())?;
         let check_readback = MappedBuffer::new(gpu, Heap::Readback, MAX_GROUPS * size_of::<u32>())?;
-        let (bindings, buffers, recorded, finite_checks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        let kernels = kernels.clone();
-        let (frames, gpu, bytes, read) = (None, gpu.clone(), Bytes::default(), Arc::default());
-        let (expected, uncaptured_options) = (Vec::new(), None);
-        let (in_onnxruntime, waited) = (Duration::ZERO, AtomicU64::new(0));
         Ok(Self {
-            bindings,
-            buffers,
+            bindings: Vec::new(),
+            buffers: Vec::new(),
             residency: Mutex::new(ResidencySet::new()),
             graphs_with_weights: Vec::new(),
-            recorded,
-            finite_checks,
+            recorded: Vec::new(),
+            finite_checks: Vec::new(),
             copying,
             zeroes,
             check_result,
             check_readback,
-            recorder,
-            kernels,
-            frames,
-            expected,
-            uncaptured_options,
-            gpu,
+            recorder: Mutex::new(recorder),
+            kernels: kernels.clone(),
+            frames: None,
+            expected: Vec::new(),
+            uncaptured_options: None,
+            gpu: gpu.clone(),
             directml: directml.clone(),
-            bytes,
-            read,
-            in_onnxruntime,
-            waited,
-            throttle: SubmissionThrottle::new(longest),
+            bytes: Bytes::default(),
+            read: Arc::default(),
+            in_onnxruntime: Duration::ZERO,
+            waited: AtomicU64::new(0),
+            throttle: SubmissionThrottle::new(limits.longest_submission),
+            limits,
         })
     }
 
@@ -447,7 +443,12 @@ impl ExecutionContext for DirectMlContext {
         backup.restore_backup(&self.gpu)
     }
 
+    fn lost_submissions(&self) -> u64 {
+        self.recorder.lock().lost_submissions()
+    }
+
     fn run(&mut self, binding: BindingId) -> Result<()> {
+        self.limits.check_stop()?;
         self.make_resident()?;
         match &self.bindings[binding.0].capture {
             CaptureState::Never(_) => self.run_uncaptured(binding),

@@ -29,7 +29,7 @@ use windows::core::Interface;
 use super::device::{Backend, DeviceKind, DeviceMemory};
 use super::failure::make;
 use super::graph::TensorSpec;
-use super::{ExecutionContext, Graph, Ort};
+use super::{ContextLimits, ExecutionContext, Graph, Ort};
 use backup::DeviceBackup;
 use device::DirectMlDevice;
 use graph_data::DirectMlGraph;
@@ -201,10 +201,10 @@ impl Backend for DirectMlBackend {
         graph.and_then(with_data).map_err(|e| self.device.removed().unwrap_or(e))
     }
 
-    fn context(&self, longest_submission: Option<Duration>) -> Result<Box<dyn ExecutionContext>> {
-        let limits = [self.options.lock().longest_submission, longest_submission];
-        let longest = limits.into_iter().flatten().min();
-        Ok(Box::new(context::DirectMlContext::new(&self.gpu, &self.device, &self.kernels, longest)?))
+    fn context(&self, limits: ContextLimits) -> Result<Box<dyn ExecutionContext>> {
+        let longest = [self.options.lock().longest_submission, limits.longest_submission].into_iter().flatten().min();
+        let limits = ContextLimits { longest_submission: longest, ..limits };
+        Ok(Box::new(context::DirectMlContext::new(&self.gpu, &self.device, &self.kernels, limits)?))
     }
 
     fn gpu(&self) -> Option<&Gpu> {

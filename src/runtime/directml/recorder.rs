@@ -27,6 +27,8 @@ pub(super) struct Recorder {
     next: Option<ID3D12CommandAllocator>,
     /// Whether the open list has recorded commands.
     pending: bool,
+    /// Number of lists with recorded work that could not be submitted.
+    lost_submissions: u64,
     /// Buffers that the open list uses, by address, with their current state.
     used: Vec<(usize, D3D12_RESOURCE_STATES)>,
     /// Clearings of new buffers in the open list. If it is not submitted, they are recorded again: no later call repeats them.
@@ -55,8 +57,23 @@ impl Recorder {
         let (gpu, next) = (gpu.clone(), Some(next));
         let (used, pages, free, clearings) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let (in_flight, times) = (VecDeque::new(), IntervalTimes::new(&gpu)?);
-        let (pending, filled) = (false, 0);
-        Ok(Self { gpu, list, allocator, other, next, pending, used, clearings, pages, filled, in_flight, free, times })
+        let (pending, lost_submissions, filled) = (false, 0, 0);
+        Ok(Self {
+            gpu,
+            list,
+            allocator,
+            other,
+            next,
+            pending,
+            lost_submissions,
+            used,
+            clearings,
+            pages,
+            filled,
+            in_flight,
+            free,
+            times,
+        })
     }
 
     /// Writes `bytes` into `to` from byte `at` on; `bytes` may be reused at once.
@@ -127,8 +144,14 @@ impl Recorder {
         Ok(())
     }
 
+    /// How often recorded work was lost because it could not be submitted.
+    pub(super) fn lost_submissions(&self) -> u64 {
+        self.lost_submissions
+    }
+
     /// Starts an open list after one that was not submitted.
     fn begin_again(&mut self) {
+        self.lost_submissions += 1;
         self.begin();
         let clearings = std::mem::take(&mut self.clearings);
         for Clearing { buffer, zeroes, regions } in &clearings {

@@ -17,8 +17,8 @@ use crate::bundle::Precision;
 use crate::locks::Mutex;
 use crate::runtime::aligned_buffer::AlignedBuffer;
 use crate::runtime::execution_context::{
-    Backup, BindingId, BufferId, Bytes, DecodedPicture, ExecutionContext, FiniteCheckId, MAX_GROUPS, RecordedCopiesId,
-    RecordedCopy, Region,
+    Backup, BindingId, BufferId, Bytes, ContextLimits, DecodedPicture, ExecutionContext, FiniteCheckId, MAX_GROUPS,
+    RecordedCopiesId, RecordedCopy, Region,
 };
 use crate::runtime::finite::all_finite;
 use crate::runtime::graph::{ElementType, Graph};
@@ -34,6 +34,7 @@ pub(super) struct WebGpuContext {
     buffers: Vec<Buffer>,
     recorded: Vec<Vec<RecordedCopy>>,
     plugin: Arc<Plugin>,
+    limits: ContextLimits,
     bytes: Bytes,
     read: AtomicU64,
     /// The buffer that was read last, whole: values are often read in pieces, and the provider copies whole buffers only. `None` once work
@@ -85,7 +86,7 @@ struct FiniteGraph {
 type Contents = Vec<(BufferId, Storage)>;
 
 impl WebGpuContext {
-    pub(super) fn new(plugin: &Arc<Plugin>) -> Self {
+    pub(super) fn new(plugin: &Arc<Plugin>, limits: ContextLimits) -> Self {
         Self {
             bindings: Vec::new(),
             moves: Vec::new(),
@@ -94,6 +95,7 @@ impl WebGpuContext {
             buffers: Vec::new(),
             recorded: Vec::new(),
             plugin: plugin.clone(),
+            limits,
             bytes: Bytes::default(),
             read: AtomicU64::new(0),
             last_read: Mutex::new(None),
@@ -384,6 +386,7 @@ impl ExecutionContext for WebGpuContext {
     }
 
     fn run(&mut self, binding: BindingId) -> Result<()> {
+        self.limits.check_stop()?;
         self.changes();
         self.flush_unwritten()?;
         let (binding, graph) = &self.bindings[binding.0];

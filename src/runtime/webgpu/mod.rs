@@ -15,7 +15,6 @@ mod value;
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
 
 use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
@@ -24,7 +23,7 @@ use super::DeviceMemory;
 use super::device::{Backend, DeviceKind};
 use super::failure::make;
 use super::graph::TensorSpec;
-use super::{ExecutionContext, Graph, Ort, self_test};
+use super::{ContextLimits, ExecutionContext, Graph, Ort, self_test};
 use crate::bundle::{ModelSource, Precision, largest_weight, with_split_k, without_fused_products};
 use crate::{Error, ErrorKind, LibrarySearch, Result};
 pub(super) use adapter_errors::note;
@@ -173,8 +172,8 @@ impl Backend for WebGpuBackend {
         Ok(Arc::new(graph.with_drop_lock(&LOCK, self.plugin.registration())))
     }
 
-    fn context(&self, _: Option<Duration>) -> Result<Box<dyn ExecutionContext>> {
-        Ok(Box::new(WebGpuContext::new(&self.plugin)))
+    fn context(&self, limits: ContextLimits) -> Result<Box<dyn ExecutionContext>> {
+        Ok(Box::new(WebGpuContext::new(&self.plugin, limits)))
     }
 }
 

@@ -288,7 +288,7 @@ impl Controller {
             }
             return Some((setting, Reason::TooLong));
         }
-        let limit = budget * 7 / 8;
+        let limit = budget - budget / 8;
         let larger =
             all.take_while(|setting| *setting < self.setting).find(|setting| self.expected_time(*setting) <= limit);
         self.within_budget += 1;

@@ -258,13 +258,12 @@ impl GovernorSettings {
     }
 
     /// Excludes the world with window `refused` from later settings, because the rollout could not move to it and stays at window
-    /// `current`.
-    pub(super) fn exclude(&self, refused: u32, current: u32) {
+    /// `current`. Returns false if none of the worlds has that, because the host has moved the rollout itself: then nothing can be decided.
+    pub(super) fn exclude(&self, refused: u32, current: u32) -> bool {
         let index = |g: u32| self.worlds.iter().position(|world| world.global_window() == g);
-        if let Some(refused) = index(refused) {
-            let current = index(current).unwrap_or(refused);
-            self.governor.state.lock().controller.exclude(refused, current);
-        }
+        let (Some(refused), Some(current)) = (index(refused), index(current)) else { return false };
+        self.governor.state.lock().controller.exclude(refused, current);
+        true
     }
 }
 

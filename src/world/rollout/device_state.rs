@@ -8,8 +8,8 @@ use std::time::Instant;
 use super::times::StepMeasurement;
 use crate::bundle::Precision;
 use crate::runtime::{
-    BufferId, DecodedPicture, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy, Region,
-    StoppableContext, element_size,
+    BufferId, ContextLimits, DecodedPicture, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy, Region,
+    element_size,
 };
 #[cfg(windows)]
 use crate::runtime::{Decoded, Snapshot};
@@ -66,8 +66,8 @@ pub(super) struct DeviceState {
 impl DeviceState {
     /// Allocates the memory of a rollout of `world` and binds its graphs. While `stop` is set, no graph runs.
     pub(super) fn new(world: &World, stop: Arc<AtomicBool>) -> Result<Self> {
-        let mut context: Box<dyn ExecutionContext> =
-            Box::new(StoppableContext::new(world.device(), world.longest_submission(), stop)?);
+        let limits = ContextLimits { longest_submission: world.longest_submission(), stop: Some(stop) };
+        let mut context = world.device().context(limits)?;
         let kv = KvCache::new(&mut *context, world)?;
         let latent = context.buffer(world.shapes.latent_len() * element_size(world.precision()))?;
         let passes = Passes::new(&mut *context, world, &kv, latent)?;
@@ -158,10 +158,6 @@ impl DeviceState {
     /// undone if the step fails.
     pub(super) fn execute(&mut self, plan: &StepPlan, measured: &mut StepMeasurement) -> Result<()> {
         self.finish_undo()?;
-        self.try_execute(plan, measured).inspect_err(|_| self.passes.forget_conditioning())
-    }
-
-    fn try_execute(&mut self, plan: &StepPlan, measured: &mut StepMeasurement) -> Result<()> {
         self.passes.prepare(&mut *self.context, plan, [0.0, 0.0])?;
         let start = Instant::now();
         // A joined pass embeds its own.
@@ -272,10 +268,6 @@ impl DeviceState {
 
     /// Runs one frozen pass; see [`Rollout::probe`](super::Rollout::probe).
     pub(super) fn probe(&mut self, plan: &StepPlan, sigma: f32, x: &[f32]) -> Result<Probe> {
-        self.try_probe(plan, sigma, x).inspect_err(|_| self.passes.forget_conditioning())
-    }
-
-    fn try_probe(&mut self, plan: &StepPlan, sigma: f32, x: &[f32]) -> Result<Probe> {
         self.passes.prepare(&mut *self.context, plan, [sigma, -1.0])?;
         self.passes.embed_controls(&mut *self.context)?;
         self.passes.set_latent(&mut *self.context, x)?;

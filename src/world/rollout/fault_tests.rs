@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use super::{Rollout, worlds};
 use crate::bundle::Precision;
 use crate::runtime::{
-    Backup, BindingId, BufferId, Bytes, ExecutionContext, FiniteCheckId, Graph, RecordedCopiesId, RecordedCopy, Region,
+    Backup, BindingId, BufferId, Bytes, ContextLimits, ExecutionContext, FiniteCheckId, Graph, RecordedCopiesId,
+    RecordedCopy, Region,
 };
 use crate::world::{CacheMode, OperatingPoint, Schedule, World, WorldOptions};
 use crate::{Error, ErrorKind, Result};
@@ -22,6 +23,8 @@ struct Fault {
     has_failed: AtomicBool,
     /// Whether uploads are lost, as those are that were recorded before a submission failed.
     loses_uploads: AtomicBool,
+    /// Number of lost uploads.
+    lost: AtomicU64,
     /// Set instead, so that the rollout is stopped at the call that would fail.
     stop: Option<Arc<AtomicBool>>,
 }
@@ -66,7 +69,15 @@ impl ExecutionContext for Faulty {
 
     fn upload(&mut self, to: BufferId, at: usize, bytes: &[u8]) -> Result<()> {
         self.fault.call()?;
-        if self.fault.loses_uploads.load(Ordering::Relaxed) { Ok(()) } else { self.inner.upload(to, at, bytes) }
+        if self.fault.loses_uploads.load(Ordering::Relaxed) {
+            self.fault.lost.fetch_add(1, Ordering::Relaxed);
+            return Ok(());
+        }
+        self.inner.upload(to, at, bytes)
+    }
+
+    fn lost_submissions(&self) -> u64 {
+        self.fault.lost.load(Ordering::Relaxed)
     }
 
     fn replace(&mut self, contents: &[(BufferId, &[u8])]) -> Result<()> {
@@ -160,7 +171,7 @@ fn faulty(world: &Arc<World>, fault: &Arc<Fault>) -> Rollout {
 fn faulty_at(world: &Arc<World>, point: &OperatingPoint, fault: &Arc<Fault>) -> Rollout {
     let stop = fault.stop.clone().unwrap_or_default();
     let mut rollout = Rollout::with_stop(world, point, 1, stop, 0).expect("a rollout");
-    let placeholder = world.device().context().expect("a context");
+    let placeholder = world.device().context(ContextLimits::default()).expect("a context");
     let inner = std::mem::replace(&mut rollout.device.context, placeholder);
     rollout.device.context = Box::new(Faulty { inner, fault: fault.clone() });
     rollout
@@ -187,25 +198,32 @@ fn a_failed_slice_changes_nothing() {
     assert!(rollout.save().expect("a state") == reference.save().expect("a state"));
 }
 
-/// The conditioning of a schedule is uploaded when the schedule is set. If the next step fails, the upload may not have reached the device.
+/// The conditioning of a schedule is uploaded when the schedule is set. If the next submission fails, the upload does not reach the device: that of a
+/// step, or of anything else.
 #[test]
-fn noise_levels_that_a_failed_step_has_lost_are_uploaded_again() {
-    let world = in_slices(1);
-    let fault = Arc::new(Fault::default());
-    let mut rollout = faulty(&world, &fault);
-    let mut reference = worlds::seeded(&world, &worlds::point(&world), 1);
-    rollout.append(&worlds::picture(40, 30, 1)).expect("a seed");
-    fault.loses_uploads.store(true, Ordering::Relaxed);
-    let schedule = Schedule::Refined(7);
-    rollout.set_schedule(&schedule).expect("a schedule");
-    fault.calls_left.store(12, Ordering::Relaxed);
-    assert!(rollout.step(&worlds::controls(0)).is_err() && fault.has_failed.load(Ordering::Relaxed));
-    fault.loses_uploads.store(false, Ordering::Relaxed);
-    reference.set_schedule(&schedule).expect("a schedule");
-    for i in 0..2 {
-        rollout.step(&worlds::controls(i)).expect("a step");
-        reference.step(&worlds::controls(i)).expect("a step");
-        assert!(rollout.save().expect("a state") == reference.save().expect("a state"), "step {i}");
+fn noise_levels_that_a_failed_call_has_lost_are_uploaded_again() {
+    type Call = fn(&mut Rollout) -> Result<()>;
+    let step: Call = |rollout| rollout.step(&worlds::controls(0)).map(drop);
+    let append: Call = |rollout| rollout.append(&worlds::picture(40, 30, 1)).map(drop);
+    let read: Call = |rollout| rollout.save().map(drop);
+    for (name, failing, call) in [("step", step, 12), ("append", append, 3), ("save", read, 1)] {
+        let world = in_slices(1);
+        let fault = Arc::new(Fault::default());
+        let mut rollout = faulty(&world, &fault);
+        let mut reference = worlds::seeded(&world, &worlds::point(&world), 1);
+        rollout.append(&worlds::picture(40, 30, 1)).expect("a seed");
+        fault.loses_uploads.store(true, Ordering::Relaxed);
+        let schedule = Schedule::Refined(7);
+        rollout.set_schedule(&schedule).expect("a schedule");
+        fault.calls_left.store(call, Ordering::Relaxed);
+        assert!(failing(&mut rollout).is_err() && fault.has_failed.load(Ordering::Relaxed), "{name}");
+        fault.loses_uploads.store(false, Ordering::Relaxed);
+        reference.set_schedule(&schedule).expect("a schedule");
+        for i in 0..2 {
+            rollout.step(&worlds::controls(i)).expect("a step");
+            reference.step(&worlds::controls(i)).expect("a step");
+            assert!(rollout.save().expect("a state") == reference.save().expect("a state"), "{name}, step {i}");
+        }
     }
 }
 

@@ -105,8 +105,11 @@ impl Rollout {
             && let Err(why) = self.move_to(&world)
         {
             log::warn!("g{} cannot be had: {why}", world.global_window());
-            if let Limits::Frames(settings) = &self.limits {
-                settings.exclude(world.global_window(), self.point.global_window);
+            if let Limits::Frames(settings) = &self.limits
+                && !settings.exclude(world.global_window(), self.point.global_window)
+            {
+                log::warn!("the budget ends: none of its worlds has g{}", self.point.global_window);
+                self.limits = Limits::None;
             }
         }
         if schedule != self.point.schedule

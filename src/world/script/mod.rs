@@ -125,6 +125,13 @@ impl ControlScript {
         }
         if let Some(end) = end {
             // Keys held at the end are released by explicit events, so that a written script contains the releases.
+            let events = script.events.len() + script.held_at_end().iter().count();
+            if events > MAX_EVENTS {
+                let cause = format!("the script has {events} events, with those that release keys at its end");
+                return Err(Error::new(ErrorKind::InvalidArgument, cause)
+                    .field("script.end")
+                    .remedy(format!("Use at most {MAX_EVENTS}")));
+            }
             for key in script.held_at_end().iter() {
                 script
                     .push(ScriptEvent { at: end, action: Action::Up(key) })

@@ -9,8 +9,8 @@ use crate::{Error, ErrorKind, Result};
 
 /// The version this library writes, and the newest it reads.
 pub const SCRIPT_VERSION: u32 = 1;
-/// Maximum length of a script, in bytes.
-pub const MAX_SCRIPT_BYTES: usize = 4 << 20;
+/// Maximum length of a script, in bytes: more than [`MAX_EVENTS`] of the longest events that are written take.
+pub const MAX_SCRIPT_BYTES: usize = 32 << 20;
 /// Maximum length of a line, in bytes.
 const MAX_LINE: usize = 1_000;
 const HEADER: &str = "cairn-controls";
