@@ -271,6 +271,12 @@ static void preferences_are_met_or_refused(void)
     CHECK(strcmp(field, "options.fsr") == 0);
     options.cpu = CAIRN_PREFER_REQUIRE;
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_create(&options, &presenter));
+    options.fsr = CAIRN_PREFER_AUTO;
+    options.upscaler = CAIRN_PREFER_REQUIRE;
+    ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_create(&options, &presenter));
+    OK(cairn_last_error_part(CAIRN_LAST_ERROR_FIELD, field, sizeof field, NULL));
+    CHECK(strcmp(field, "options.upscaler") == 0);
+    options.upscaler = CAIRN_PREFER_AUTO;
     options.fsr = 3;
     ANSWERS(CAIRN_ERROR_INVALID_ARGUMENT, cairn_presenter_create(&options, &presenter));
     options.fsr = 0;

@@ -250,6 +250,36 @@ fn frames_of_the_processor_are_recorded_into_targets_of_every_format_and_state()
     destroy([], [direct, compute]);
 }
 
+/// Frames that are drawn into memory, or for another queue, do not make the last picture of a texture's upload memory the current one.
+#[test]
+fn a_frame_that_was_also_drawn_into_memory_is_recorded_with_its_own_pixels() {
+    let engine = Engine::create();
+    let (direct, compute) = (device(&engine, &engine.direct), device(&engine, &engine.compute));
+    let rest = [D3D12_RESOURCE_STATE_COMMON; 2];
+    let texture = TextureDesc { size: SIZE, ..TextureDesc::default() }.create(&engine.device);
+    let presenter = presenter(CAIRN_COLOUR_SRGB, CAIRN_PREFER_NEVER);
+    prepare(presenter, direct, 0);
+    let record = |device, queue, now| {
+        let recording = Recording::on(&engine.device, queue);
+        let call = Call { presenter, device, now, recording: &recording, target: &texture, states: rest };
+        let (result, frame) = call.record();
+        assert_eq!(result, CAIRN_OK);
+        recording.submit(queue);
+        (frame, textures::read(&engine.device, queue, &texture, rest[0]))
+    };
+    let (first, second) = (INTERVAL, INTERVAL * 5 / 4);
+    let (_, anchor) = record(direct, &engine.direct, first);
+    let drawn = draw(presenter, second);
+    let (frame, pixels) = record(direct, &engine.direct, second);
+    assert_eq!(frame.flags & CAIRN_FRAME_REPEATED, CAIRN_FRAME_REPEATED, "the picture is not made again");
+    assert!(pixels == drawn.rgba() && pixels != anchor, "the frame that is due");
+    // The same with a picture for a queue that is not prepared, between two for the one that is.
+    let (_, unprepared) = record(compute, &engine.compute, INTERVAL * 2);
+    let (_, prepared) = record(direct, &engine.direct, INTERVAL * 2);
+    assert!(unprepared == prepared && prepared != pixels);
+    destroy([presenter], [direct, compute]);
+}
+
 #[test]
 fn a_device_reports_its_memory_budget() {
     let engine = Engine::create();

@@ -12,6 +12,7 @@ use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::{FencePoint, Gpu};
 use test_support::d3d12::engine::{self, Engine};
+use test_support::d3d12::list_calls::count_list_calls;
 use test_support::d3d12::resources::{self, TestResource, run_list, texture_desc, writable_texture};
 use test_support::ffx::double_folder::{self, ANALYTIC, ANALYTIC_20, DoubleFolder, ML};
 use test_support::ffx::frame_textures::Textures;
@@ -591,7 +592,7 @@ fn invalid_inputs_are_refused_with_the_field_s_name() {
         (GenerationTextures { output: pictures.color, ..pictures }, "output"),
         (
             GenerationTextures {
-                output: ResourceWithState { state: D3D12_RESOURCE_STATE_COMMON, ..pictures.color },
+                hudless: Some(ResourceWithState { state: D3D12_RESOURCE_STATE_COMMON, ..pictures.color }),
                 ..pictures
             },
             "state",
@@ -603,6 +604,23 @@ fn invalid_inputs_are_refused_with_the_field_s_name() {
     let refused =
         generator.generate(&pictures, &FrameParams { frame_time: -1.0, ..FrameParams::of(SIZE) }).expect_err("time");
     assert_eq!(refused.offending_field(), Some("frame_time"));
+    // An engine's list stays empty.
+    // SAFETY: values only.
+    let fence: ID3D12Fence = unsafe { gpu.device().CreateFence(1, D3D12_FENCE_FLAG_NONE) }.expect("a fence");
+    let until = FencePoint::of_engine(&gpu, &fence, 1).expect("its own");
+    let valid = FrameParams::of(SIZE);
+    let outside = Rect { left: 1, top: 0, width: SIZE.width.cast_signed(), height: SIZE.height.cast_signed() };
+    for (params, field) in [
+        (FrameParams { frame_time: -1.0, ..valid }, "frame_time"),
+        (FrameParams { rect: outside, ..valid }, "rect"),
+        (FrameParams { motion_scale: Coordinates { x: f32::NAN, y: 1.0 }, ..valid }, "motion_scale"),
+    ] {
+        run_list(&gpu, |list| {
+            let mut refused = None;
+            let calls = count_list_calls(list, || refused = generator.record(list, &until, &pictures, &params).err());
+            assert_eq!((refused.expect(field).offending_field(), calls), (Some(field), 0));
+        });
+    }
     // The failures above left the generator usable.
     let found = pair(&mut generator, &textures, &pictures, &FrameParams::of(SIZE));
     assert!(off(&found, INNER, moved(HALF)) <= 2);

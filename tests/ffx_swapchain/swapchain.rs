@@ -2,7 +2,7 @@
 //! them. On Windows, or in the lab.
 
 use cairn::ErrorKind;
-use cairn::ffx::bindings::{CreateFlags, Dimensions, Rect, ReturnCode, SurfaceFormat};
+use cairn::ffx::bindings::{Coordinates, CreateFlags, Dimensions, Rect, ReturnCode, SurfaceFormat};
 use cairn::ffx::{
     Effect, FrameParams, FrameTextures, Interface, Library, LibraryKind, LoadOptions, Pacing, Swapchain,
     SwapchainOptions, SwapchainSource,
@@ -16,6 +16,7 @@ use cairn::gpu::windows::Win32::Graphics::Dxgi::*;
 use cairn::gpu::windows::core::Interface as _;
 use libtest_mimic::Trial;
 use test_support::d3d12::engine::{Engine, reference_count};
+use test_support::d3d12::list_calls::count_list_calls;
 use test_support::d3d12::resources::{self, TestResource, run_list, upload_texture};
 use test_support::ffx::double_folder::{ANALYTIC, ANALYTIC_20, DoubleFolder, ML};
 use test_support::ffx::frame_textures::{self, Textures};
@@ -356,6 +357,44 @@ impl WindowedEngine {
     }
 }
 
+fn resized_buffers_keep_the_provider_that_has_passed_the_self_test() {
+    let _alone = one_at_a_time();
+    let (double, library) = set_up_double(&["sdk 2.1", ML, ANALYTIC, "plays through", "only 4.0.1"]);
+    let options = SwapchainOptions { self_test: true, ..options() };
+    let mut show = WindowedEngine::with(&options, How::ForWindow, &library).expect("a swap chain");
+    assert_eq!(show.swapchain.provider().expect("one").version.name, "3.1.6");
+    let flags = DXGI_SWAP_CHAIN_FLAG(0);
+    // SAFETY: a live swap chain whose buffers nobody holds.
+    unsafe { show.swapchain.dxgi().ResizeBuffers(3, 160, 80, DXGI_FORMAT_UNKNOWN, flags) }.expect("resized");
+    show.swapchain.fit().expect("it fits");
+    assert_eq!(show.swapchain.provider().expect("one").version.name, "3.1.6");
+    drop(show);
+    assert_eq!(double.violations(), [""; 0]);
+}
+
+fn a_refused_frame_leaves_the_list_empty() {
+    let _alone = one_at_a_time();
+    let (double, library) = set_up_double(&["sdk 2.1", ML]);
+    let mut show = WindowedEngine::new(How::ForWindow, &library).expect("a swap chain");
+    let valid = FrameParams::of(SIZE);
+    for (params, field) in [
+        (FrameParams { frame_time: 0.0, ..valid }, "frame_time"),
+        (FrameParams { motion_scale: Coordinates { x: 1.0, y: f32::INFINITY }, ..valid }, "motion_scale"),
+    ] {
+        let WindowedEngine { swapchain, textures, gpu, .. } = &mut show;
+        let (depth, motion) = (textures.depth.with_state(), textures.motion.with_state());
+        let pictures = FrameTextures { depth, motion, hudless: None, distortion: None };
+        run_list(gpu, |list| {
+            let mut refused = None;
+            let calls = count_list_calls(list, || refused = swapchain.prepare(list, &pictures, &params).err());
+            assert_eq!((refused.expect(field).offending_field(), calls), (Some(field), 0));
+        });
+    }
+    show.frame(true).expect("a frame");
+    drop(show);
+    assert_eq!(double.violations(), [""; 0]);
+}
+
 fn an_unsuitable_swap_chain_is_refused_and_unchanged() {
     let _alone = one_at_a_time();
     let (double, library) = set_up_double(&["sdk 2.1", ML]);
@@ -512,6 +551,8 @@ pub(crate) fn trials() -> Vec<Trial> {
         an_interface_is_drawn_over_real_and_generated_frames,
         generation_is_paused_and_goes_on,
         resized_buffers_get_a_new_generator_and_lose_their_interface,
+        resized_buffers_keep_the_provider_that_has_passed_the_self_test,
+        a_refused_frame_leaves_the_list_empty,
         an_unsuitable_swap_chain_is_refused_and_unchanged,
         a_frame_whose_generation_fails_is_shown_twice,
         the_double_detects_a_wrong_order_of_calls,

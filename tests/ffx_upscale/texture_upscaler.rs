@@ -6,6 +6,8 @@ use cairn::gpu::FencePoint;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R8G8B8A8_UNORM;
 
+use test_support::d3d12::list_calls::count_list_calls;
+
 use super::*;
 
 fn in_textures(gpu: &Gpu, library: &Library) -> cairn::Result<TextureUpscaler> {
@@ -59,6 +61,15 @@ fn textures_in_any_state_are_upscaled_as_with_raw_calls() {
         scene.pair_of(&mut upscaler, &pictures).expect("upscaled");
         assert!(scene.shown.pixels(&target) == wanted, "{flags:?}");
     }
+    // An engine's list stays empty after parameters that are refused.
+    let invalid = UpscaleParams { frame_time: 0.0, ..UpscaleParams::of(RENDERED, SHOWN) };
+    run_list(&scene.gpu, |list| {
+        let until = scene.gpu.frames().signal().expect("a fence point");
+        let mut refused = None;
+        let calls =
+            count_list_calls(list, || refused = upscaler.record(list, &until, &scene.pictures(), &invalid).err());
+        assert_eq!((refused.expect("a time").offending_field(), calls), (Some("frame_time"), 0));
+    });
     // Into an engine's list, with the previous frames as history.
     let fence: ID3D12Fence = {
         // SAFETY: values only.

@@ -305,9 +305,6 @@ fn clip(a: &ClipArguments) -> Result<()> {
     if !(0.0..=3600.0).contains(&a.seconds) {
         return Err("--seconds must be from 0 to 3600".into());
     }
-    if let Some(path) = &a.controls {
-        fs::write(path, controls(&script, a.seconds)?).map_err(|e| format!("{}: {e}", path.display()))?;
-    }
     if a.level && !LANDSCAPES.contains(&a.scene) {
         return Err(format!(
             "--level closes landscapes, and {} has walls. Use it with forest, sword, desert or snow",
@@ -331,6 +328,9 @@ fn clip(a: &ClipArguments) -> Result<()> {
     // Raw pictures without effects need no depth and no motion.
     let picture_only = a.raw.is_some() && effects == Effects::default();
     let mut walk = Clip::with_effects(&scene, &script, options, effects).ok_or_else(rate_out_of_range)?;
+    if let Some(path) = &a.controls {
+        fs::write(path, controls(&script, a.seconds)?).map_err(|e| format!("{}: {e}", path.display()))?;
+    }
     let mut list = String::from("frame,seconds,shot,jitter_x,jitter_y,engine_reset\n");
     let mut raw: Option<Box<dyn Write>> = match &a.raw {
         Some(path) if path.as_os_str() == "-" => Some(Box::new(BufWriter::new(std::io::stdout().lock()))),

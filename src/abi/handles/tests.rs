@@ -117,6 +117,7 @@ fn a_panic_poisons_the_objects_of_its_call() {
     });
     assert_eq!(result, CAIRN_ERROR_INTERNAL);
     assert_eq!(code(enter(handle)), CAIRN_ERROR_POISONED);
+    assert!(enter_before_destruction(handle).is_ok());
     assert!(enter(other).is_ok());
     assert_eq!(destroy(handle).unwrap(), CAIRN_OK);
     assert!(dropped.load(Ordering::SeqCst));

@@ -115,7 +115,9 @@ impl VulkanAdapter {
         let memory = properties.memory_properties;
         let heaps = memory.memory_heaps_as_slice().iter().zip(budgets.heap_budget).zip(budgets.heap_usage);
         let local = heaps.filter(|((heap, _), _)| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
-        let sum = local.fold((0, 0), |(granted, used), ((_, budget), usage)| (u64::saturating_add(granted, budget), u64::saturating_add(used, usage)));
+        let sum = local.fold((0, 0), |(granted, used), ((_, budget), usage)| {
+            (u64::saturating_add(granted, budget), u64::saturating_add(used, usage))
+        });
         Some(DeviceMemory { granted: sum.0, used: sum.1 })
     }
 }
@@ -187,7 +189,12 @@ impl Instance {
         let memory = unsafe { self.instance.get_physical_device_memory_properties(device) };
         let local = memory.memory_heaps_as_slice().iter();
         let local = local.filter(|heap| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL));
-        Adapter { name, vendor: properties.vendor_id, kind, memory: local.map(|heap| heap.size).fold(0, u64::saturating_add) }
+        Adapter {
+            name,
+            vendor: properties.vendor_id,
+            kind,
+            memory: local.map(|heap| heap.size).fold(0, u64::saturating_add),
+        }
     }
 }
 

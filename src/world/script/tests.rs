@@ -356,6 +356,15 @@ fn sizes_are_bounded() {
     let many = "0 scroll 1\n".repeat(MAX_EVENTS);
     assert!(parse(&many).is_ok());
     assert!(parse(&format!("{many}0 scroll 1")).is_err());
+    let motion = Action::Mouse { motion: [-1_234.567, 0.001_234_567], until: Some(79_999_654_321) };
+    let longest = vec![ScriptEvent { at: 79_999_123_456, action: motion }; MAX_EVENTS];
+    let longest = ControlScript::from_events(longest, None).unwrap();
+    assert_eq!(ControlScript::parse(&longest.write()).unwrap(), longest, "what is written can be read");
+    // The key that is held at the end is released by one more event.
+    let held = |scrolls: usize| parse(&format!("0 down W\n{}1 end", "0 scroll 1\n".repeat(scrolls)));
+    let most = held(MAX_EVENTS - 2).unwrap();
+    assert_eq!(ControlScript::parse(&most.write()).unwrap(), most);
+    assert_eq!(held(MAX_EVENTS - 1).unwrap_err().offending_field(), Some("script.end"));
     let event = ScriptEvent { at: 0, action: Action::Scroll(1) };
     assert!(ControlScript::from_events(vec![event; MAX_EVENTS + 1], None).is_err());
     let endless = ControlScript::from_events(vec![], Some(u64::MAX)).unwrap_err();

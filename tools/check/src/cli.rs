@@ -34,7 +34,7 @@ struct Arguments {
     /// Folder for report.html and report.json
     #[arg(long, default_value = ".", value_name = "FOLDER")]
     out: PathBuf,
-    /// Minutes after which no further check starts
+    /// Minutes after which the running check ends and no further one starts
     #[arg(long, default_value_t = 5, value_name = "MINUTES", value_parser = clap::value_parser!(u32).range(1..=600))]
     minutes: u32,
     #[command(flatten)]

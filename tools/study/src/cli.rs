@@ -34,8 +34,8 @@ mod world_quality;
 const EXAMPLES: &str = "\
 Examples:
   study demo --out target/demo
-      Four seconds of the paper's operating point on a small world with random weights, and two seconds of frame
-      generation where the truth is known.
+      A film of the four levels that the embedded world knows, four seconds of the paper's operating point on it, and two
+      seconds of frame generation where the truth is known.
 
   study rollout --preset coherence --seconds 15 --out out/walk
       The same for 15 seconds: 226 anchors, 451 frames.
@@ -76,7 +76,7 @@ enum Command {
     Rollout(Box<rollout::RolloutArgs>),
     /// Makes the rollout or the reconstruct of a manifest again and says what differs
     Replay(replay::ReplayArgs),
-    /// Four seconds at 1920x1080 on the embedded world, and a short reconstruct
+    /// A film of the embedded world's levels, four seconds at 1920x1080, and a short reconstruct
     Demo(demo::DemoArgs),
     /// A window in which you walk through the world by mouse and keyboard
     #[command(after_help = play::EXAMPLES)]
@@ -123,10 +123,17 @@ enum Command {
 /// Interface of every subcommand.
 trait Subcommand {
     /// Checks everything in the options that needs no file. Fails with the same messages as [`run`](Self::run) would.
-    fn check(&self) -> Result<()>;
+    fn check(&self) -> Result<()> {
+        Ok(())
+    }
 
-    /// Runs the subcommand.
+    /// Runs the subcommand. An error `Cancelled` says that it was interrupted.
     fn run(&self) -> Result<ExitCode>;
+
+    /// What an interruption leaves.
+    fn when_interrupted(&self) -> &'static str {
+        NOTHING_WRITTEN
+    }
 }
 
 impl Command {
@@ -168,8 +175,16 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let command = cli.command.inner();
     let done = if cli.dry_run { command.check().map(|()| ExitCode::SUCCESS) } else { command.run() };
     done.unwrap_or_else(|error| {
+        let code = match error.kind() {
+            ErrorKind::Cancelled => {
+                eprintln!("interrupted: {}", command.when_interrupted());
+                return ExitCode::from(130);
+            }
+            ErrorKind::InvalidArgument => 2,
+            _ => 1,
+        };
         eprintln!("error: {error}");
-        ExitCode::from(if error.kind() == ErrorKind::InvalidArgument { 2 } else { 1 })
+        ExitCode::from(code)
     })
 }
 
@@ -208,15 +223,6 @@ fn stop_on_interrupt() -> Result<&'static AtomicBool> {
 fn print_outcome(text: &str, files: &[PathBuf]) {
     files.iter().for_each(|file| eprintln!("  {}", file.display()));
     print!("{text}");
-}
-
-/// Exit status of an interrupted command; prints the `consequence` for its work. Passes other errors on.
-fn interrupted(error: Error, consequence: &str) -> Result<ExitCode> {
-    if error.kind() != ErrorKind::Cancelled {
-        return Err(error);
-    }
-    eprintln!("interrupted: {consequence}");
-    Ok(ExitCode::from(130))
 }
 
 /// Exit status of a command that leaves a manifest in `out`. Prints a message if it did not finish. `frames`: complete, planned.

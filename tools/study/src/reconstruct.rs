@@ -111,7 +111,7 @@ impl ReconstructSettings {
         let family = self.scene.parse::<Family>().map_err(|_| {
             Error::new(ErrorKind::InvalidArgument, format!("there is no scene {:?}", self.scene))
                 .field("--scene")
-                .remedy("Use forest, sword, desert, snow or all")
+                .remedy("Use forest, sword, desert, snow, indoors, town, or all for the landscapes")
         })?;
         let [width, height] = self.size;
         if self.size.iter().any(|side| !(MIN_SIDE..=MAX_SIDE).contains(side)) {

@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use cairn::{Error, ErrorKind, Result};
@@ -19,7 +20,7 @@ const GRACE_PERIOD: Duration = Duration::from_secs(10);
 /// Maximum number of bytes kept of a process's messages.
 const MAX_MESSAGE_BYTES: u64 = 64 << 10;
 /// Maximum number of parallel processes.
-const MAX_JOBS: usize = 256;
+pub(crate) const MAX_JOBS: usize = 256;
 
 /// Work of one process.
 pub(crate) struct Work {
@@ -50,6 +51,8 @@ pub(crate) fn check_jobs(jobs: usize) -> Result<()> {
 struct Running<'a> {
     work: &'a Work,
     child: Child,
+    /// Reads its messages.
+    messages: Option<JoinHandle<String>>,
     /// Frames counted in its folder.
     frames: u64,
 }
@@ -68,14 +71,25 @@ impl<'a> Running<'a> {
             Error::new(ErrorKind::Io, format!("{}: this program cannot be started again: {e}", work.name))
         };
         let program = std::env::current_exe().map_err(failed)?;
-        let child = Command::new(program)
+        let mut child = Command::new(program)
             .args(&work.arguments)
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .spawn()
             .map_err(failed)?;
-        Ok(Self { work, child, frames: 0 })
+        // Read all the time: a process whose pipe is full waits.
+        let stderr = child.stderr.take();
+        let messages = std::thread::spawn(move || {
+            let mut kept = Vec::new();
+            if let Some(mut stderr) = stderr {
+                // If its messages cannot be read, the error has no text.
+                _ = stderr.by_ref().take(MAX_MESSAGE_BYTES).read_to_end(&mut kept);
+                _ = std::io::copy(&mut stderr, &mut std::io::sink());
+            }
+            String::from_utf8_lossy(&kept).into_owned()
+        });
+        Ok(Self { work, child, messages: Some(messages), frames: 0 })
     }
 
     /// Number of frames in the folder.
@@ -95,11 +109,7 @@ impl<'a> Running<'a> {
         if status.success() {
             return Ok(true);
         }
-        let mut output = String::new();
-        if let Some(stderr) = self.child.stderr.take() {
-            // If its messages cannot be read, the error has no text.
-            let _ = stderr.take(MAX_MESSAGE_BYTES).read_to_string(&mut output);
-        }
+        let output = self.messages.take().and_then(|messages| messages.join().ok()).unwrap_or_default();
         let message = output.lines().find_map(|line| line.strip_prefix("error: ")).unwrap_or_default();
         let kind = if status.code() == Some(2) { ErrorKind::InvalidArgument } else { ErrorKind::InvalidState };
         let cause =

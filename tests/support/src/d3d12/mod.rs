@@ -5,6 +5,7 @@ pub mod buffers;
 pub mod directml;
 pub mod frame_scene;
 pub mod function_tables;
+pub mod list_calls;
 pub mod object_counts;
 pub mod recorder;
 

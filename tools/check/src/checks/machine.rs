@@ -8,7 +8,8 @@ pub fn describe(settings: &Settings) -> Machine {
     let adapters = adapters();
     let first =
         adapters.iter().position(|adapter| !adapter.software).or(if adapters.is_empty() { None } else { Some(0) });
-    let judged = settings.adapter.filter(|index| *index < adapters.len()).or(first);
+    // An adapter that is not there is not judged.
+    let judged = settings.adapter.map_or(first, |index| Some(index).filter(|index| *index < adapters.len()));
     let emulated = judged.is_some_and(|index| adapters[index].software) || is_wine();
     Machine { adapters, judged, emulated, ..without_adapters() }
 }

@@ -6,13 +6,13 @@ use std::process::ExitCode;
 use cairn::Result;
 use clap::Args;
 
-use super::{NOTHING_WRITTEN, Subcommand, interrupted, print_outcome, progress, stop_on_interrupt};
+use super::{Subcommand, print_outcome, progress, stop_on_interrupt};
 use crate::quality::{AblationSettings, ablate};
 
 pub(super) const EXAMPLES: &str = "\
 Examples:
   study ablate --smoke
-      Two frames of a small scene without each rule, in a minute.
+      One frame of a small scene without each rule, in a minute.
 
   study ablate --clips moving-forest,bunny --seeds 4 --lpips none
       While a rule is worked on.
@@ -36,7 +36,7 @@ pub(super) struct AblateArgs {
     /// Network of LPIPS: alex, vgg or none; its weights are fetched once (64 MB)
     #[arg(long, value_name = "NET", default_value = "alex")]
     lpips: String,
-    /// Two frames of one scene at a small size, without LPIPS
+    /// One frame of one scene at a small size, without LPIPS
     #[arg(long, conflicts_with_all = ["clips", "seeds", "lpips", "publish"])]
     smoke: bool,
     /// Write docs/generator-rules.md as well
@@ -67,13 +67,9 @@ impl Subcommand for AblateArgs {
     }
 
     fn run(&self) -> Result<ExitCode> {
-        match ablate(&self.settings(), &progress(self.quiet), stop_on_interrupt()?) {
-            Ok(outcome) => {
-                outcome.left_out.iter().for_each(|left_out| eprintln!("left out: {left_out}"));
-                print_outcome(if self.quiet { "" } else { &outcome.text }, &outcome.files);
-                Ok(ExitCode::SUCCESS)
-            }
-            Err(error) => interrupted(error, NOTHING_WRITTEN),
-        }
+        let outcome = ablate(&self.settings(), &progress(self.quiet), stop_on_interrupt()?)?;
+        outcome.left_out.iter().for_each(|left_out| eprintln!("left out: {left_out}"));
+        print_outcome(if self.quiet { "" } else { &outcome.text }, &outcome.files);
+        Ok(ExitCode::SUCCESS)
     }
 }

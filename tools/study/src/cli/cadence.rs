@@ -7,7 +7,7 @@ use cairn::Result;
 use clap::Args;
 
 use super::experiment::ExperimentArgs;
-use super::{NOTHING_WRITTEN, Subcommand, interrupted, print_outcome, progress, stop_on_interrupt};
+use super::{Subcommand, print_outcome, progress, stop_on_interrupt};
 use crate::cadence::{self, Settings};
 
 pub(super) const EXAMPLES: &str = "\
@@ -48,12 +48,8 @@ impl Subcommand for CadenceArgs {
     }
 
     fn run(&self) -> Result<ExitCode> {
-        match cadence::run(&self.settings(), &progress(self.experiment.quiet), stop_on_interrupt()?) {
-            Ok(outcome) => {
-                print_outcome(&outcome.text, &outcome.files);
-                Ok(ExitCode::SUCCESS)
-            }
-            Err(error) => interrupted(error, NOTHING_WRITTEN),
-        }
+        let outcome = cadence::run(&self.settings(), &progress(self.experiment.quiet), stop_on_interrupt()?)?;
+        print_outcome(&outcome.text, &outcome.files);
+        Ok(ExitCode::SUCCESS)
     }
 }

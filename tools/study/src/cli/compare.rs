@@ -7,10 +7,11 @@ use cairn::{Error, ErrorKind, Result};
 use clap::Args;
 use scenes::LANDSCAPES;
 
-use super::{CELLS_KEPT, Subcommand, interrupted, progress, size, stop_on_interrupt};
+use super::{CELLS_KEPT, Subcommand, print_outcome, progress, size, stop_on_interrupt};
 use crate::compare::{self, Settings};
 use crate::device::DeviceChoice;
 use crate::scene_id::landscape;
+use crate::workers::MAX_JOBS;
 
 pub(super) const EXAMPLES: &str = "\
 Examples:
@@ -115,7 +116,7 @@ impl CompareArgs {
         let device: DeviceChoice = self.device.parse()?;
         let processors = std::thread::available_parallelism().map_or(1, usize::from);
         let jobs = match device {
-            DeviceChoice::Cpu => (processors / self.threads.max(1)).max(1),
+            DeviceChoice::Cpu => (processors / self.threads.max(1)).clamp(1, MAX_JOBS),
             _ => 1,
         };
         Ok(Settings {
@@ -142,13 +143,12 @@ impl Subcommand for CompareArgs {
     }
 
     fn run(&self) -> Result<ExitCode> {
-        match compare::run(&self.settings()?, &progress(self.quiet), stop_on_interrupt()?) {
-            Ok(outcome) => {
-                print!("{}", outcome.text);
-                outcome.files.iter().for_each(|file| eprintln!("  {}", file.display()));
-                Ok(ExitCode::SUCCESS)
-            }
-            Err(error) => interrupted(error, CELLS_KEPT),
-        }
+        let outcome = compare::run(&self.settings()?, &progress(self.quiet), stop_on_interrupt()?)?;
+        print_outcome(&outcome.text, &outcome.files);
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn when_interrupted(&self) -> &'static str {
+        CELLS_KEPT
     }
 }

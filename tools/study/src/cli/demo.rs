@@ -7,7 +7,7 @@ use cairn::Result;
 use cairn::world::{GuidanceSource, OperatingPoint, Presentation, Preset};
 use clap::Args;
 
-use super::{Subcommand, interrupted, progress, reconstruct, rollout, size, stop_on_interrupt};
+use super::{Subcommand, progress, reconstruct, rollout, size, stop_on_interrupt};
 use crate::demo::{self, levels::LevelsFilm};
 use crate::settings::Settings;
 
@@ -81,12 +81,9 @@ impl Subcommand for DemoArgs {
         }
         let seconds = settings.check()?.duration.seconds();
         let film = LevelsFilm { world: settings.world.as_deref(), device: settings.device, seconds, out: &self.out };
-        match film.make(&progress(self.quiet), stop_on_interrupt()?) {
-            Ok(files) if !self.quiet => files.iter().for_each(|file| println!("  {}", file.display())),
-            Ok(_) => {}
-            Err(error) => return interrupted(error, FILM_LEFT),
-        }
+        let files = film.make(&progress(self.quiet), stop_on_interrupt()?)?;
         if !self.quiet {
+            files.iter().for_each(|file| println!("  {}", file.display()));
             println!("{}", demo::SECOND_PART);
         }
         let ended = rollout::make(&settings, &self.out, true, self.quiet)?;
@@ -97,5 +94,9 @@ impl Subcommand for DemoArgs {
             println!("{}", demo::THIRD_PART);
         }
         reconstruct::make(&demo::reconstruct(), &self.out.join(demo::RECONSTRUCT), true, self.quiet)
+    }
+
+    fn when_interrupted(&self) -> &'static str {
+        FILM_LEFT
     }
 }

@@ -8,7 +8,7 @@ use cairn::world::GuidanceSource;
 use clap::Args;
 
 use super::experiment::ExperimentArgs;
-use super::{NOTHING_WRITTEN, Subcommand, interrupted, print_outcome, progress, stop_on_interrupt};
+use super::{Subcommand, print_outcome, progress, stop_on_interrupt};
 use crate::motion::{self, Settings};
 
 pub(super) const EXAMPLES: &str = "\
@@ -55,13 +55,17 @@ impl Subcommand for MotionArgs {
     }
 
     fn run(&self) -> Result<ExitCode> {
-        match motion::run(&self.settings(), &progress(self.experiment.quiet), stop_on_interrupt()?) {
-            Ok(outcome) => {
-                print_outcome(&outcome.text, &outcome.files);
-                let best = [outcome.best, outcome.best_decoded].iter().all(|best| *best == Some(GuidanceSource::BEST));
-                Ok(ExitCode::from(u8::from(self.check && !best)))
-            }
-            Err(error) => interrupted(error, NOTHING_WRITTEN),
+        let outcome = motion::run(&self.settings(), &progress(self.experiment.quiet), stop_on_interrupt()?)?;
+        print_outcome(&outcome.text, &outcome.files);
+        if !self.check {
+            return Ok(ExitCode::SUCCESS);
         }
+        let mut is_best = true;
+        for (pictures, best) in [("the renderer's", outcome.best), ("the autoencoder's", outcome.best_decoded)] {
+            let found = best.map_or("no source that all measures agree on".to_owned(), |best| best.to_string());
+            eprintln!("between {pictures} pictures: {found} (the library uses {})", GuidanceSource::BEST);
+            is_best &= best == Some(GuidanceSource::BEST);
+        }
+        Ok(ExitCode::from(u8::from(!is_best)))
     }
 }

@@ -16,10 +16,6 @@ pub(super) struct PagesArgs {
 }
 
 impl Subcommand for PagesArgs {
-    fn check(&self) -> Result<()> {
-        Ok(())
-    }
-
     fn run(&self) -> Result<ExitCode> {
         let pages = provenance::pages(self.mark)?;
         print_outcome(&pages.iter().map(|page| format!("{}\n", page.line)).collect::<String>(), &[]);

@@ -45,8 +45,8 @@ pub(super) struct QualityArgs {
     /// fsr-flow, fsr-engine, fsr, none, paper, cairn-flow, cairn-engine, cairn-truth
     #[arg(long, value_name = "LIST", default_value = "all")]
     rows: String,
-    /// What they are made from: all, scenes, real, or a list of forest, sword, desert, snow, bunny, bikes, vizdoom,
-    /// vizdoom-player; with --sealed, clips of the sealed set
+    /// What they are made from: all, none, scenes, moving, real, or a list of forest, sword, desert, snow, moving-forest and so
+    /// on, moving-indoors, moving-town, bunny, bikes, vizdoom, vizdoom-player; with --sealed, clips of the sealed set
     #[arg(long, value_name = "LIST", default_value = "all")]
     clips: String,
     /// Seeds of the scenes
@@ -61,9 +61,9 @@ pub(super) struct QualityArgs {
     /// Two frames of the game's clip by every row that another program makes, to see that these programs work
     #[arg(long, conflicts_with_all = ["rows", "clips", "seeds", "speed", "publish"])]
     drivers: bool,
-    /// A dozen fixed frames of each of our rows against the committed floors in tools/study/floors.csv, and the page's claims
-    /// against the same frames; fails where one is worse
-    #[arg(long, conflicts_with_all = ["rows", "clips", "seeds", "lpips", "smoke", "drivers", "check", "speed", "fresh", "publish"])]
+    /// Some fifty fixed frames of each of our rows against the committed floors in tools/study/floors.csv, and the page's claims
+    /// against the same frames, in minutes; fails where one is worse
+    #[arg(long, conflicts_with_all = ["rows", "clips", "seeds", "lpips", "smoke", "drivers", "check", "speed", "fresh", "publish", "sealed", "tune"])]
     floors: bool,
     /// Write the floors from what is made now, instead of comparing
     #[arg(long, requires = "floors")]
@@ -90,7 +90,7 @@ pub(super) struct QualityArgs {
     #[arg(long, value_name = "DIR", default_value = "target/quality")]
     out: PathBuf,
     /// Compare settings of one row, minterpolate, flowfps or rife4, on the scenes' seed 4, and print the table
-    #[arg(long, value_name = "ROW", conflicts_with_all = ["rows", "clips", "seeds", "smoke", "check", "speed", "publish"])]
+    #[arg(long, value_name = "ROW", conflicts_with_all = ["rows", "clips", "seeds", "smoke", "drivers", "check", "speed", "fresh", "sealed", "publish"])]
     tune: Option<String>,
     /// No progress, no summary
     #[arg(long)]

@@ -39,7 +39,7 @@ Exit status: 0 well, 1 failed, 2 wrong usage, 130 interrupted.";
 
 #[derive(Args)]
 pub(super) struct ReconstructArgs {
-    /// forest, sword, desert, snow or all
+    /// forest, sword, desert, snow, indoors, town, or all for the four landscapes
     #[arg(long, value_name = "SCENE", default_value = "forest")]
     scene: String,
     /// Which place of that kind

@@ -35,10 +35,6 @@ pub(super) struct ReplayArgs {
 }
 
 impl Subcommand for ReplayArgs {
-    fn check(&self) -> Result<()> {
-        Ok(())
-    }
-
     fn run(&self) -> Result<ExitCode> {
         let progress = progress(self.quiet);
         let compared = replay(&Replay {

@@ -82,10 +82,6 @@ impl Measure {
 }
 
 impl Subcommand for ScoreArgs {
-    fn check(&self) -> Result<()> {
-        Ok(())
-    }
-
     fn run(&self) -> Result<ExitCode> {
         let pairs = pairs(&self.truth, &self.candidate)?;
         let measures = self.measures()?;

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use cairn::Result;
 use clap::Args;
 
-use super::{CELLS_KEPT, Subcommand, interrupted, progress, stop_on_interrupt};
+use super::{CELLS_KEPT, Subcommand, print_outcome, progress, stop_on_interrupt};
 use crate::sweep::{self, Settings};
 use crate::workers::check_jobs;
 
@@ -87,19 +87,18 @@ impl Subcommand for SweepArgs {
         self.check()?;
         let settings = Settings::read(&self.file, self.out.clone(), self.jobs, self.publish.clone())?;
         let (progress, stop) = (progress(self.quiet), stop_on_interrupt()?);
-        let done = if self.list_jobs {
-            sweep::list(&settings, &progress).map(|list| print!("{list}"))
+        if self.list_jobs {
+            print!("{}", sweep::list(&settings, &progress)?);
         } else if let Some(name) = &self.only {
-            sweep::only(&settings, name, &progress, stop)
+            sweep::only(&settings, name, &progress, stop)?;
         } else {
-            sweep::run(&settings, &progress, stop).map(|outcome| {
-                print!("{}", outcome.text);
-                outcome.files.iter().for_each(|file| eprintln!("  {}", file.display()));
-            })
-        };
-        match done {
-            Ok(()) => Ok(ExitCode::SUCCESS),
-            Err(error) => interrupted(error, CELLS_KEPT),
+            let outcome = sweep::run(&settings, &progress, stop)?;
+            print_outcome(&outcome.text, &outcome.files);
         }
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn when_interrupted(&self) -> &'static str {
+        CELLS_KEPT
     }
 }

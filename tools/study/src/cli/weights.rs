@@ -7,8 +7,9 @@ use cairn::Result;
 use clap::Args;
 
 use super::rollout::preset;
-use super::{CELLS_KEPT, Subcommand, interrupted, print_outcome, progress, stop_on_interrupt};
+use super::{CELLS_KEPT, Subcommand, print_outcome, progress, stop_on_interrupt};
 use crate::level::HELD_OUT_SECONDS;
+use crate::workers::MAX_JOBS;
 use crate::world_quality::weights::{self, Settings};
 
 pub(super) const EXAMPLES: &str = "\
@@ -72,7 +73,9 @@ impl WeightsArgs {
             walks: self.walks,
             seconds: self.seconds,
             lpips: !self.no_lpips,
-            jobs: self.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)),
+            jobs: self
+                .jobs
+                .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from).min(MAX_JOBS)),
             publish: self.publish,
             out: self.out.clone(),
         })
@@ -85,12 +88,12 @@ impl Subcommand for WeightsArgs {
     }
 
     fn run(&self) -> Result<ExitCode> {
-        match weights::run(&self.settings()?, &progress(self.quiet), stop_on_interrupt()?) {
-            Ok(outcome) => {
-                print_outcome(&outcome.text, &outcome.files);
-                Ok(ExitCode::SUCCESS)
-            }
-            Err(error) => interrupted(error, CELLS_KEPT),
-        }
+        let outcome = weights::run(&self.settings()?, &progress(self.quiet), stop_on_interrupt()?)?;
+        print_outcome(&outcome.text, &outcome.files);
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn when_interrupted(&self) -> &'static str {
+        CELLS_KEPT
     }
 }

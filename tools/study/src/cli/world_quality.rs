@@ -7,7 +7,7 @@ use cairn::Result;
 use clap::Args;
 
 use super::experiment::ExperimentArgs;
-use super::{CELLS_KEPT, Subcommand, interrupted, print_outcome, progress, stop_on_interrupt};
+use super::{CELLS_KEPT, Subcommand, print_outcome, progress, stop_on_interrupt};
 use crate::world_quality::{self, Settings};
 
 pub(super) const EXAMPLES: &str = "\
@@ -61,12 +61,12 @@ impl Subcommand for WorldQualityArgs {
     }
 
     fn run(&self) -> Result<ExitCode> {
-        match world_quality::run(&self.settings(), &progress(self.experiment.quiet), stop_on_interrupt()?) {
-            Ok(outcome) => {
-                print_outcome(&outcome.text, &outcome.files);
-                Ok(ExitCode::SUCCESS)
-            }
-            Err(error) => interrupted(error, CELLS_KEPT),
-        }
+        let outcome = world_quality::run(&self.settings(), &progress(self.experiment.quiet), stop_on_interrupt()?)?;
+        print_outcome(&outcome.text, &outcome.files);
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn when_interrupted(&self) -> &'static str {
+        CELLS_KEPT
     }
 }

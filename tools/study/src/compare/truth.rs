@@ -81,6 +81,11 @@ pub(crate) fn draw(
     if path.exists() && whole(&folder, &path, count, &wanted)? {
         return Ok(folder);
     }
+    // Before its frames are replaced: a manifest vouches for all of them.
+    match std::fs::remove_file(&path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(describe_io("cannot be removed", &path, &e)),
+        _ => {}
+    }
     let frames = folder.join(FRAMES);
     std::fs::create_dir_all(&frames).map_err(|e| describe_io("cannot be made", &frames, &e))?;
     progress.phase(&format!("drawing {id}"));

@@ -107,11 +107,11 @@ impl LevelsFilm<'_> {
                 break;
             }
         }
-        let report = recorder.finish()?;
-        made?;
-        if let Some(failure) = report.failure {
+        // A recorder that failed, because the disk is full for example, also ends the walk.
+        if let Some(failure) = recorder.finish()?.failure {
             return Err(failure);
         }
+        made?;
         write_all(vec![(self.out.join(SHEET), encode_small_png(&sheet.0)?)])?;
         Ok(vec![film, self.out.join(SHEET)])
     }

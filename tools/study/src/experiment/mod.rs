@@ -82,7 +82,13 @@ impl Settings {
 
     /// The command line of `subcommand` that measures the same.
     pub(crate) fn command(&self, subcommand: &str) -> String {
-        let mut command = format!("cargo run --release -p study -- {subcommand} --publish");
+        let mut command = format!("cargo run --release -p study -- {subcommand}");
+        if self.publish {
+            command += " --publish";
+        }
+        if let Some(world) = &self.world {
+            command += &format!(" --world {}", world.display());
+        }
         if self.quick {
             command += " --quick";
         }

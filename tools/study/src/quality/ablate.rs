@@ -279,9 +279,9 @@ impl FrameInputs<'_> {
     }
 }
 
-/// What is lost from a score with all rules to one without some.
+/// What is lost from a score with all rules to one without some: PSNR, SSIM and LPIPS, NaN where it is not measured.
 fn lost(with: &Score, without: &Score) -> [f64; 3] {
-    let lpips = with.lpips.zip(without.lpips).map_or(0.0, |(with, without)| without - with);
+    let lpips = with.lpips.zip(without.lpips).map_or(f64::NAN, |(with, without)| without - with);
     [with.psnr - without.psnr, with.ssim - without.ssim, lpips]
 }
 

@@ -228,6 +228,20 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
         None
     };
 
+    if measured.interrupted && !settings.sealed {
+        // A page of a part would replace one of the whole.
+        return Ok(QualityOutcome {
+            files: Vec::new(),
+            tally: String::new(),
+            missed: 0,
+            claims: Vec::new(),
+            computed: measured.computed,
+            kept: measured.kept,
+            left_out: measured.left_out.iter().map(ToString::to_string).collect(),
+            notes: vec!["no page was written, because some frames are not scored yet".into()],
+            interrupted: true,
+        });
+    }
     fs::create_dir_all(&settings.out).map_err(|e| describe_io("cannot be made", &settings.out, &e))?;
     let page = Page { settings, table: &table, claims: &claims, speed: speed.as_ref(), opening: opening.as_ref() };
     let files = files(&page, &mut measured, &store)?;

@@ -195,7 +195,8 @@ impl File {
             return refused(format!("{rate} anchors a second cannot be made"), "sweep.anchor_rate", &remedy);
         }
         if let Some(times) = axes.multiplier.iter().find(|times| !(1..=MAX_PRESENTED_RATE).contains(*times)) {
-            return refused(format!("{times} frames for an anchor cannot be shown"), "sweep.multiplier", "Use 1 to 6");
+            let remedy = format!("Use 1 to {MAX_PRESENTED_RATE}");
+            return refused(format!("{times} frames for an anchor cannot be shown"), "sweep.multiplier", &remedy);
         }
 
         let mut points = vec![Point { point: base, generator: GeneratorChoice::Cpu }];

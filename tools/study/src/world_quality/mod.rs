@@ -197,9 +197,12 @@ fn head(settings: &Settings, bundle: &Bundle, point: &OperatingPoint) -> String 
         text += "This world has random weights: its figures say nothing.\n";
     }
     let (walks, seconds) = (settings.walks(), settings.seconds());
+    let places = TestWalk::all(walks, settings.common.seeds(&SEEDS));
+    let unseen = places.iter().filter(|place| matches!(place, TestWalk::Unseen(..))).count();
     text + &format!(
         "levels: {walks} of {HELD_OUT_WALKS} held-out walks of each, {seconds} of {HELD_OUT_SECONDS} s: training refuses them\n\
-         unseen: {walks} of the places {}, in turn of each kind, with the scripts of samples/scripts: all on the held-out list\n\n",
+         unseen: {unseen} walks of {} s through the places {}, in turn of each kind, with the scripts of samples/scripts: all on the held-out list\n\n",
+        seconds.min(SECONDS),
         seed_list(settings.common.seeds(&SEEDS), ", ")
     )
 }

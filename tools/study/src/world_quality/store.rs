@@ -32,8 +32,9 @@ impl Store {
         else {
             return Ok(None);
         };
-        let shown = columns(&decode(&picture)?, scores.horizons.len())?;
-        Ok(Some((scores, shown)))
+        // A damaged picture counts as absent.
+        let shown = decode(&picture).and_then(|picture| columns(&picture, scores.horizons.len()));
+        Ok(shown.ok().map(|shown| (scores, shown)))
     }
 
     /// Keeps a walk.

@@ -15,8 +15,8 @@ const TOP: f64 = 12.0;
 const BOTTOM: f64 = 32.0;
 /// Samples averaged for a point of a curve: half a second.
 const SMOOTH: usize = RATE as usize / 2;
-/// Okabe and Ito's palette, which colour-blind readers can tell apart.
-const COLOURS: [&str; 6] = ["#888888", "#0072b2", "#d55e00", "#e69f00", "#cc79a7", "#009e73"];
+/// Okabe and Ito's palette, which colour-blind readers can tell apart: one colour for the truth, and one for each branch.
+const COLOURS: [&str; 7] = ["#888888", "#0072b2", "#d55e00", "#e69f00", "#cc79a7", "#009e73", "#56b4e9"];
 
 /// Start of an SVG of that height. Inside the page its type is known; as a file of its own it needs the namespace.
 fn opening(height: f64) -> String {

@@ -54,6 +54,7 @@ pub(super) fn text(
             let mean =
                 |i: usize| statistics::mean(of_clips.iter().filter(|on| on.input == input).map(|on| Some(on.lost[i])));
             match (mean(0), mean(2)) {
+                (Some(psnr), Some(lpips)) if lpips.is_nan() => _ = write!(out, " {psnr:+.3} |"),
                 (Some(psnr), Some(lpips)) => _ = write!(out, " {psnr:+.3} / {:+.2} |", 1000.0 * lpips),
                 _ => out += " |",
             }
@@ -84,8 +85,23 @@ pub(super) fn text(
     if !left_out.is_empty() {
         _ = writeln!(out, "\nLeft out: {}.", left_out.join("; "));
     }
-    out += "\n```sh\ncargo run --release -p study -- ablate --publish\n```\n";
+    _ = write!(out, "\n```sh\ncargo run --release -p study -- ablate{}\n```\n", options(settings));
     out
+}
+
+/// The options of the command that measures the same.
+fn options(settings: &AblationSettings) -> String {
+    let AblationSettings { clips, seeds, lpips, smoke, publish, .. } = settings;
+    if *smoke {
+        return " --smoke".to_owned();
+    }
+    let seeds = seeds.iter().map(ToString::to_string).collect::<Vec<_>>().join(",");
+    let given = [("--clips", clips, "all"), ("--seeds", &seeds, "5"), ("--lpips", lpips, "alex")];
+    let mut options = if *publish { " --publish".to_owned() } else { String::new() };
+    for (option, value, _) in given.into_iter().filter(|(_, value, usual)| *value != usual) {
+        _ = write!(options, " {option} {value}");
+    }
+    options
 }
 
 /// The means over the frames of each clip, for each input.
@@ -118,7 +134,8 @@ pub(super) fn csv(losses: &[Loss]) -> String {
     let mut text = "rule,motion,clip,psnr_lost,ssim_lost,lpips_lost,time\n".to_owned();
     for Loss { rule, input, clip, lost: [psnr, ssim, lpips], time } in losses {
         let rule = rule.label().replace(',', ";");
-        _ = writeln!(text, "{rule},{},{clip},{psnr:.4},{ssim:.6},{lpips:.6},{time:.3}", input.name());
+        let lpips = if lpips.is_nan() { String::new() } else { format!("{lpips:.6}") };
+        _ = writeln!(text, "{rule},{},{clip},{psnr:.4},{ssim:.6},{lpips},{time:.3}", input.name());
     }
     text
 }
