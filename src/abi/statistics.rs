@@ -96,7 +96,7 @@ pub struct cairn_rollout_statistics {
     pub governed_passes: u32,
     /// The global window from now on.
     pub governed_window: u32,
-    /// Frames generated per anchor.
+    /// Different frames shown per anchor, the anchor included.
     pub governed_made: u32,
     /// 0
     pub reserved: u32,
@@ -232,8 +232,8 @@ pub struct cairn_presenter_statistics {
     pub device_lists_ns: u64,
     /// Time of the longest of these lists, in nanoseconds of the device's clock.
     pub device_list_longest_ns: u64,
-    /// Frames generated per anchor under a budget of cairn_presenter_set_budget; the others repeat the previous one. 0 if there never was a
-    /// budget.
+    /// Different frames shown per anchor, the anchor included, under a budget of cairn_presenter_set_budget; the others repeat the previous
+    /// one. 0 if there never was a budget.
     pub made_to_anchor: u32,
     /// How often that number has changed.
     pub budget_changes: u32,

@@ -182,7 +182,7 @@ pub struct cairn_world_memory {
     pub bundle: u64,
     /// Weights as ONNX Runtime holds them, and those that the world keeps in the host's memory for noise levels that it has not seen yet.
     pub weights: u64,
-    /// Keys and values of one rollout's ring. Each further rollout needs this and the slabs.
+    /// Keys and values of one rollout's ring. Each further rollout needs this, the slabs, and a part of the intermediate values.
     pub ring: u64,
     /// Keys and values of the current latent.
     pub slabs: u64,

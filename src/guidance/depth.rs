@@ -189,7 +189,7 @@ impl DepthMap {
         &mut self.depth
     }
 
-    /// Sets all values to `depth`. Free if they already have it.
+    /// Sets all values to `depth`. Does nothing if the map is known to be uniform at `depth`.
     pub fn fill(&mut self, depth: f32) {
         if self.uniform_value() != Some(depth) {
             self.depth.fill(depth);
@@ -197,8 +197,8 @@ impl DepthMap {
         }
     }
 
-    /// The depth of all pixels, if it is known to be uniform: after [`fill`](Self::fill), or for a map that was not written since it was
-    /// created.
+    /// The depth of all pixels, if it is known to be uniform: after [`fill`](Self::fill), or for a map of `new` or `tiled` that was not
+    /// written.
     pub fn uniform_value(&self) -> Option<f32> {
         self.depth.first().copied().filter(|_| self.is_uniform)
     }

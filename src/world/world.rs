@@ -285,7 +285,7 @@ impl World {
             Some(available) if available < need => Err(Error::new(
                 ErrorKind::OutOfMemory,
                 format!(
-                    "a rollout needs {} MiB for its ring and slabs, {} MiB are available",
+                    "a rollout needs {} MiB for its ring, slabs and conditioning, {} MiB are available",
                     need.div_ceil(1 << 20),
                     available >> 20
                 ),

@@ -100,19 +100,19 @@ namespace Cairn
             get { return (long)from.ring_bytes; }
         }
 
-        /// <summary>Passes timed by a Direct3D 12 device's own clock; 0 on other devices, like the following values.</summary>
+        /// <summary>Passes of the transformer timed by a Direct3D 12 device's own clock; 0 on other devices, like all values up to <see cref="OtherPasses"/>.</summary>
         public long DevicePasses
         {
             get { return (long)from.device_passes; }
         }
 
-        /// <summary>Total nanoseconds of them on the device.</summary>
+        /// <summary>Total device time of <see cref="DevicePasses"/>, in nanoseconds.</summary>
         public long DevicePassesNs
         {
             get { return (long)from.device_passes_ns; }
         }
 
-        /// <summary>Nanoseconds of the longest one.</summary>
+        /// <summary>Device time of the longest of these passes, or of the longest slice of one, in nanoseconds.</summary>
         public long DevicePassLongestNs
         {
             get { return (long)from.device_pass_longest_ns; }
@@ -124,13 +124,13 @@ namespace Cairn
             get { return (long)from.device_decodes; }
         }
 
-        /// <summary>Total nanoseconds of them on the device.</summary>
+        /// <summary>Total device time of <see cref="DeviceDecodes"/>, in nanoseconds.</summary>
         public long DeviceDecodesNs
         {
             get { return (long)from.device_decodes_ns; }
         }
 
-        /// <summary>Nanoseconds of the longest one.</summary>
+        /// <summary>Device time of the longest decoder pass, in nanoseconds.</summary>
         public long DeviceDecodeLongestNs
         {
             get { return (long)from.device_decode_longest_ns; }
@@ -142,7 +142,7 @@ namespace Cairn
             get { return (long)from.device_commits; }
         }
 
-        /// <summary>Total nanoseconds of them on the device.</summary>
+        /// <summary>Total device time of <see cref="DeviceCommits"/>, in nanoseconds.</summary>
         public long DeviceCommitsNs
         {
             get { return (long)from.device_commits_ns; }
@@ -172,7 +172,7 @@ namespace Cairn
             get { return (int)from.captured_passes; }
         }
 
-        /// <summary>Passes that do not, or whose captured list is not verified yet to give the same bits.</summary>
+        /// <summary>Passes that do not run from a captured command list, or whose captured list is not verified yet to give the same bits.</summary>
         public int OtherPasses
         {
             get { return (int)from.other_passes; }
@@ -202,13 +202,13 @@ namespace Cairn
             get { return (long)from.governed_less; }
         }
 
-        /// <summary>Number of times that it raised a setting again.</summary>
+        /// <summary>Number of times that a budget raised a setting again.</summary>
         public long GovernedMore
         {
             get { return (long)from.governed_more; }
         }
 
-        /// <summary>Number of times that it narrowed the window because device memory was short.</summary>
+        /// <summary>Number of times that a budget narrowed the window because device memory was short.</summary>
         public long GovernedShortOfMemory
         {
             get { return (long)from.governed_short_of_memory; }
@@ -232,7 +232,7 @@ namespace Cairn
             get { return (int)from.governed_window; }
         }
 
-        /// <summary>Current number of frames made per anchor; 0 if there never was a budget.</summary>
+        /// <summary>Different frames shown per anchor, the anchor included; 0 if there never was a budget.</summary>
         public int GovernedMade
         {
             get { return (int)from.governed_made; }
@@ -337,7 +337,7 @@ namespace Cairn
             get { return (int)from.waiting; }
         }
 
-        /// <summary>Frames for Direct3D 12 that are recorded and have not executed.</summary>
+        /// <summary>Frames for Direct3D 12 that were submitted and have not completed.</summary>
         public int UnderWay
         {
             get { return (int)from.under_way; }
@@ -385,7 +385,7 @@ namespace Cairn
             get { return (long)from.device_list_longest_ns; }
         }
 
-        /// <summary>Current number of frames made per anchor under a budget; 0 if there never was one.</summary>
+        /// <summary>Different frames shown per anchor under a budget, the anchor included; 0 if there never was one.</summary>
         public int MadeToAnchor
         {
             get { return (int)from.made_to_anchor; }

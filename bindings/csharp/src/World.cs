@@ -114,13 +114,13 @@ namespace Cairn
             get { return (long)from.bundle; }
         }
 
-        /// <summary>Weights in ONNX Runtime.</summary>
+        /// <summary>Weights as ONNX Runtime holds them, and those that are kept in the host's memory for noise levels not seen yet.</summary>
         public long Weights
         {
             get { return (long)from.weights; }
         }
 
-        /// <summary>Keys and values of one rollout's ring. Each further rollout needs this and the slabs.</summary>
+        /// <summary>Keys and values of one rollout's ring. Each further rollout needs this, the slabs, and a part of the intermediates.</summary>
         public long Ring
         {
             get { return (long)from.ring; }
@@ -132,7 +132,7 @@ namespace Cairn
             get { return (long)from.slabs; }
         }
 
-        /// <summary>Intermediate tensors of a pass.</summary>
+        /// <summary>Intermediate tensors of a pass, and the largest matrix that a pass unpacks from 8 or 4 bits.</summary>
         public long Intermediates
         {
             get { return (long)from.intermediates; }

@@ -332,7 +332,8 @@ class WorldInfo:
 
 @dataclass(frozen=True)
 class WorldMemory:
-    """Bytes that a world and one rollout need. Each further rollout needs `ring` and `slabs`."""
+    """Bytes that a world and one rollout need. Each further rollout needs `ring`, `slabs` and a part of
+    `intermediates`."""
 
     bundle: int
     weights: int

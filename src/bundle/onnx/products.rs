@@ -18,9 +18,9 @@ use crate::Result;
 const PREFIX: &str = "cairn.product";
 const FUSED: &str = "FusedMatMul";
 
-/// A checked model with each `FusedMatMul` as three operators that every provider has: the first input times `alpha`, the second one
-/// transposed, and `MatMul`. `None` if it has none. Products of constants stay: a session computes them when it is made. `sizes` are the
-/// dimensions of the model's inputs and outputs, by name.
+/// A checked model in which operators that every provider has replace each `FusedMatMul`: `Mul` by alpha unless that is 1, `Transpose` of the
+/// second input if it is transposed, and `MatMul`. `None` if no node is a `FusedMatMul`. Products of constants are copied: a session computes
+/// them when it is made. `sizes` are the dimensions of the model's inputs and outputs, by name.
 ///
 /// # Errors
 /// `InvalidBundle` for a model that does not pass the checks, or whose shapes do not follow from `sizes`; `OutOfMemory`.
@@ -51,7 +51,7 @@ fn rewrite(onnx: &[u8], sizes: &[(&str, &[usize])]) -> CheckResult<Option<Vec<u8
     with_graph(onnx, bytes, rewrite).map(Some)
 }
 
-/// Finds the fused products of which an input is no constant.
+/// Finds the `FusedMatMul` nodes that have an input which is not constant.
 fn fused_products<'a>(model: &'a Model<'a>, sizes: &[(&str, &[usize])]) -> CheckResult<Fused<'a>> {
     let graph = &model.graph;
     let (inputs, outputs) = (named_shapes(&graph.inputs, sizes)?, named_shapes(&graph.outputs, sizes)?);

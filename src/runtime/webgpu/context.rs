@@ -71,7 +71,7 @@ struct Mover {
 struct FiniteCheck {
     groups: Vec<Vec<BufferId>>,
     precision: Precision,
-    /// Made when the check first runs. `None` for groups whose buffers are on the host.
+    /// Made at the first check for which all buffers are on the adapter; `None` before.
     graph: Option<FiniteGraph>,
 }
 
@@ -482,6 +482,8 @@ impl WebGpuContext {
         self.changes();
         let unwritten = self.unwritten.get_mut();
         for (id, copy) in copies {
+            // Of two contents of a buffer, the later ones count.
+            unwritten.retain(|(other, _)| *other != id);
             match (&mut self.buffers[id.0].storage, copy) {
                 (Storage::Host(contents), Storage::Host(copy)) => {
                     contents.bytes_mut()[..copy.len()].copy_from_slice(copy.bytes());

@@ -112,7 +112,7 @@ fn list_name(list: usize, is_column: bool) -> String {
 }
 
 /// A finite check: for each group of buffers, given by their words, the largest of the numbers that [`is_finite`] judges. Input `x.i` is a
-/// buffer; the output `largest` has two numbers for each group.
+/// buffer; the output `largest` has a number for each group.
 pub(super) fn largest(groups: &[Vec<usize>], precision: Precision) -> Vec<u8> {
     let mut model = ModelWriter::default();
     model.constant("zero", &[1], &[0]);

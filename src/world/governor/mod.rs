@@ -110,7 +110,7 @@ pub struct GovernorStatistics {
     pub passes: u32,
     /// Context window, in latents.
     pub window: u32,
-    /// Frames generated for each anchor.
+    /// Different frames shown for each anchor, the anchor included.
     pub generated: u32,
 }
 

@@ -15,7 +15,7 @@ pub fn is_on() -> bool {
     ON.load(Ordering::Relaxed)
 }
 
-/// Flips the highest bits of every 16th byte, if results are altered.
+/// Flips bits 4 to 6 of every 16th byte, if results are altered.
 pub fn alter(bytes: &mut [u8]) {
     if is_on() {
         bytes.iter_mut().step_by(16).for_each(|byte| *byte ^= 0x70);
