@@ -1,10 +1,10 @@
 //! Anchors: the pictures between which frames are generated, each with its latent and its time.
 
 use super::boundary::call;
-use super::handles::{Handle, Kind, Object, destroy, enter, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter, insert_to};
 use super::images::{Target, cairn_picture, cairn_target, read_picture};
 use super::results::{AbiResult, CAIRN_OK, Failure, cairn_result};
-use super::structs::{Out, check_out, describe, slice_mut};
+use super::structs::{Out, check_flags, check_out, describe, slice_mut};
 use crate::world::KeptAnchor;
 use crate::{Error, ErrorKind};
 
@@ -73,16 +73,12 @@ pub unsafe extern "C" fn cairn_anchor_create(
 ) -> cairn_result {
     call("cairn_anchor_create", || {
         check_out(anchor, "anchor")?;
-        if flags & !CAIRN_ANCHOR_CUT != 0 {
-            return Err(Failure::argument("flags", format!("{flags:#x} has an unknown bit")));
-        }
+        check_flags(flags, CAIRN_ANCHOR_CUT, "flags")?;
         // SAFETY: the host's promise about `picture`.
         let picture = unsafe { read_picture(picture, "picture") }?;
         let made = KeptAnchor::of_picture(picture, number, flags & CAIRN_ANCHOR_CUT != 0);
-        let handle = insert::<cairn_anchor>(made)?;
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { anchor.write(handle) };
-        Ok(CAIRN_OK)
+        unsafe { insert_to::<cairn_anchor>(made, anchor) }
     })
 }
 

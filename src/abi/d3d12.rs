@@ -6,11 +6,11 @@ use std::time::Duration;
 use super::anchor::{cairn_anchor, check_index};
 use super::boundary::call;
 use super::device::{DeviceOptions, cairn_device, cairn_device_options};
-use super::handles::{busy_in_callback, enter, enter_serialized, insert};
+use super::handles::{busy_in_callback, enter, enter_serialized, insert_to};
 use super::presenter::{cairn_frame, cairn_presenter, to_c_frame};
 use super::results::{AbiResult, CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, cairn_result};
 use super::rollout::{cairn_rollout, cairn_step_info, step_info};
-use super::structs::{Out, check_out, describe, read};
+use super::structs::{Out, check_flags, check_out, check_zero, describe, read};
 use crate::runtime::{Device, DeviceKind};
 use crate::world::Job;
 use types::{AnchorTexture, FenceValue, FramePreparation, FrameResult, FrameTarget, WorldOptions};
@@ -65,10 +65,8 @@ pub unsafe extern "C" fn cairn_device_create_d3d12(
         let options = unsafe { DeviceOptions::read(options) }?;
         // SAFETY: the host's promise about its objects.
         let made = unsafe { backend::of_engine(d3d12.cast(), queue.cast(), anchors.cast(), options) }?;
-        let handle = insert::<cairn_device>(made)?;
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { device.write(handle) };
-        Ok(CAIRN_OK)
+        unsafe { insert_to::<cairn_device>(made, device) }
     })
 }
 
@@ -93,10 +91,9 @@ pub unsafe extern "C" fn cairn_device_create_adapter(
         check_out(device, "device")?;
         // SAFETY: the host's promise about `options`.
         let options = unsafe { DeviceOptions::read(options) }?;
-        let handle = insert::<cairn_device>(backend::on_adapter(luid, options)?)?;
+        let made = backend::on_adapter(luid, options)?;
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { device.write(handle) };
-        Ok(CAIRN_OK)
+        unsafe { insert_to::<cairn_device>(made, device) }
     })
 }
 
@@ -138,9 +135,7 @@ pub unsafe extern "C" fn cairn_device_set_d3d12(
         let device = enter(device)?;
         // SAFETY: the host's promise about `options`.
         let options = unsafe { read(options, "options") }?;
-        if options.flags & !CAIRN_D3D12_DETERMINISTIC != 0 {
-            return Err(Failure::argument("options.flags", format!("{:#x} has an unknown bit", options.flags)));
-        }
+        check_flags(options.flags, CAIRN_D3D12_DETERMINISTIC, "options.flags")?;
         let longest = Some(options.longest_submission_us).filter(|microseconds| *microseconds > 0);
         let options = WorldOptions {
             deterministic: options.flags & CAIRN_D3D12_DETERMINISTIC != 0,
@@ -355,9 +350,7 @@ pub unsafe extern "C" fn cairn_presenter_prepare_d3d12(
         if preparation.lists > CAIRN_MAX_LISTS {
             return refuse("lists", format!("{} recorded frames cannot be kept", preparation.lists));
         }
-        if preparation.flags & !CAIRN_PREPARE_SUBMIT_ONLY != 0 {
-            return refuse("flags", format!("{:#x} has an unknown bit", preparation.flags));
-        }
+        check_flags(preparation.flags, CAIRN_PREPARE_SUBMIT_ONLY, "preparation.flags")?;
         check_gpu(&device)?;
         let nonzero = |size: (u32, u32)| (size != (0, 0)).then_some(size);
         let preparation = FramePreparation {
@@ -452,9 +445,7 @@ pub unsafe extern "C" fn cairn_presenter_record_d3d12(
             return Err(Failure::argument("recording.fence", "without a fence it is not known when the list has run")
                 .remedy("Pass a fence that the queue signals after the list, or use cairn_presenter_submit_d3d12"));
         }
-        if recording.reserved != 0 {
-            return Err(Failure::argument("recording.reserved", "it must be 0"));
-        }
+        check_zero(recording.reserved, "recording.reserved")?;
         // SAFETY: the host's promise about `frame`.
         let frame = unsafe { Out::optional(frame, "frame") }?;
         let cairn_d3d12_recording { state_before, state_after, list, target, fence, fence_value, .. } = recording;

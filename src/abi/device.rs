@@ -4,9 +4,9 @@ use std::ffi::c_char;
 use std::path::PathBuf;
 
 use super::boundary::call;
-use super::handles::{Handle, Kind, Object, destroy, enter, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter, insert, insert_to};
 use super::results::{AbiResult, CAIRN_OK, Failure, cairn_result};
-use super::structs::{Out, check_out, describe, read_or_default};
+use super::structs::{Out, check_flags, check_out, check_zero, describe, read_or_default};
 use super::text::{check_text_buffer, copy_text, fixed_text, optional_text};
 use crate::LibrarySearch;
 use crate::bundle::Precision;
@@ -116,10 +116,9 @@ pub unsafe extern "C" fn cairn_device_create_cpu(
         check_out(device, "device")?;
         // SAFETY: the host's promise about `options`.
         let options = unsafe { DeviceOptions::read(options) }?;
-        let handle = insert::<cairn_device>(options.on_cpu()?.0)?;
+        let made = options.on_cpu()?.0;
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { device.write(handle) };
-        Ok(CAIRN_OK)
+        unsafe { insert_to::<cairn_device>(made, device) }
     })
 }
 
@@ -153,10 +152,9 @@ pub unsafe extern "C" fn cairn_device_create_gpu(
         let options = unsafe { DeviceOptions::read(options) }?;
         // SAFETY: the host's promise about `adapter`.
         let adapter = unsafe { optional_text(adapter, "adapter") }?.map(str::to_owned);
-        let handle = insert::<cairn_device>(options.on_gpu(adapter)?)?;
+        let made = options.on_gpu(adapter)?;
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { device.write(handle) };
-        Ok(CAIRN_OK)
+        unsafe { insert_to::<cairn_device>(made, device) }
     })
 }
 
@@ -270,12 +268,8 @@ impl DeviceOptions {
         // SAFETY: the caller's promise.
         let options = unsafe { read_or_default(options, "options") }?;
         let known = CAIRN_DEVICE_DETERMINISTIC | CAIRN_DEVICE_ENVIRONMENT;
-        if options.flags & !known != 0 {
-            return Err(Failure::argument("options.flags", format!("{:#x} has an unknown bit", options.flags)));
-        }
-        if options.reserved != 0 {
-            return Err(Failure::argument("options.reserved", "it must be 0"));
-        }
+        check_flags(options.flags, known, "options.flags")?;
+        check_zero(options.reserved, "options.reserved")?;
         // SAFETY: the caller's promise about what options point to.
         let onnxruntime = unsafe { optional_text(options.onnxruntime, "options.onnxruntime") }?;
         // SAFETY: as above.

@@ -4,9 +4,9 @@ use half::f16;
 
 use super::anchor::cairn_anchor;
 use super::boundary::call;
-use super::handles::{Handle, Kind, Object, destroy, enter, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter, insert_to};
 use super::results::{AbiResult, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_OK, Failure, cairn_result};
-use super::structs::{Out, check_out, describe, read, slice, slice_mut};
+use super::structs::{Out, check_flags, check_out, check_zero, describe, read, slice, slice_mut};
 use crate::guidance::{DepthEncoding, DepthMap, Guidance, MotionField, MotionOrigin, Projection, paper, picture_flow};
 use crate::present::presenter::{MotionSource, extract};
 
@@ -113,10 +113,8 @@ pub unsafe extern "C" fn cairn_guidance_create(
         let (previous, current) = (enter(previous)?, enter(current)?);
         check_out(guidance, "guidance")?;
         let made = extract(motion_source(source, "source")?, &previous, &current)?;
-        let handle = insert::<cairn_guidance>(made)?;
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { guidance.write(handle) };
-        Ok(CAIRN_OK)
+        unsafe { insert_to::<cairn_guidance>(made, guidance) }
     })
 }
 
@@ -138,10 +136,8 @@ pub unsafe extern "C" fn cairn_guidance_create_from_host(
         let data = unsafe { read(data, "data") }?;
         // SAFETY: the host's promise about what data points to.
         let made = unsafe { from_host(&data) }?;
-        let handle = insert::<cairn_guidance>(made)?;
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { guidance.write(handle) };
-        Ok(CAIRN_OK)
+        unsafe { insert_to::<cairn_guidance>(made, guidance) }
     })
 }
 
@@ -264,12 +260,8 @@ fn check_count(count: usize, needed: usize, name: &str) -> AbiResult<()> {
 /// # Safety
 /// The arrays can be read as `data` says.
 unsafe fn from_host(data: &cairn_guidance_data) -> AbiResult<Guidance> {
-    if data.flags & !(CAIRN_DEPTH_INVERTED | CAIRN_DEPTH_LINEAR) != 0 {
-        return Err(Failure::argument("data.flags", format!("{:#x} has an unknown bit", data.flags)));
-    }
-    if data.reserved != 0 {
-        return Err(Failure::argument("data.reserved", "it must be 0"));
-    }
+    check_flags(data.flags, CAIRN_DEPTH_INVERTED | CAIRN_DEPTH_LINEAR, "data.flags")?;
+    check_zero(data.reserved, "data.reserved")?;
     // Check the array's length before allocating memory for the stated size.
     let pixels = u64::from(data.width) * u64::from(data.height);
     if u128::from(data.motion_count) != u128::from(pixels) * 2 {

@@ -165,6 +165,17 @@ pub(super) fn insert<H: Handle>(object: impl Into<Arc<H::Object>>) -> AbiResult<
     Ok(encode::<H>(free.generation, slot))
 }
 
+/// Inserts an object, as [`insert`] does, and writes its handle to `to`.
+///
+/// # Safety
+/// `to` can be written.
+pub(super) unsafe fn insert_to<H: Handle>(object: impl Into<Arc<H::Object>>, to: *mut *mut H) -> AbiResult {
+    let handle = insert(object)?;
+    // SAFETY: the caller's promise.
+    unsafe { to.write(handle) };
+    Ok(CAIRN_OK)
+}
+
 /// Gets the object of `handle` for a call that may run at the same time as others.
 pub(super) fn enter<H: Handle>(handle: *const H) -> AbiResult<ObjectGuard<H::Object>> {
     start_call(handle, CallKind::Concurrent, Poisoned::Refused)

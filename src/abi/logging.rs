@@ -115,33 +115,16 @@ impl log::Log for CallbackLogger {
             sink.clone()
         };
         // SAFETY: both texts end in a NUL and live through the call; the rest is the host's promise.
-        unsafe { (sink.callback)(number(record.level()), target.as_ptr().cast(), message.as_ptr().cast(), sink.user) };
+        unsafe { (sink.callback)(record.level() as u32, target.as_ptr().cast(), message.as_ptr().cast(), sink.user) };
         sink.gate.leave(CallKind::Concurrent);
     }
 
     fn flush(&self) {}
 }
 
+/// The filter of a level: CAIRN_LOG_OFF to CAIRN_LOG_TRACE are `log`'s own numbers.
 fn filter(level: u32) -> Option<log::LevelFilter> {
-    Some(match level {
-        CAIRN_LOG_OFF => log::LevelFilter::Off,
-        CAIRN_LOG_ERROR => log::LevelFilter::Error,
-        CAIRN_LOG_WARNING => log::LevelFilter::Warn,
-        CAIRN_LOG_INFO => log::LevelFilter::Info,
-        CAIRN_LOG_DEBUG => log::LevelFilter::Debug,
-        CAIRN_LOG_TRACE => log::LevelFilter::Trace,
-        _ => return None,
-    })
-}
-
-fn number(level: log::Level) -> u32 {
-    match level {
-        log::Level::Error => CAIRN_LOG_ERROR,
-        log::Level::Warn => CAIRN_LOG_WARNING,
-        log::Level::Info => CAIRN_LOG_INFO,
-        log::Level::Debug => CAIRN_LOG_DEBUG,
-        log::Level::Trace => CAIRN_LOG_TRACE,
-    }
+    log::LevelFilter::iter().nth(level as usize)
 }
 
 #[cfg(test)]

@@ -7,12 +7,12 @@ use super::boundary::call;
 use super::d3d12::backend::{self, HAS_SHADERS};
 use super::d3d12::types::FrameStatistics;
 use super::guidance::{cairn_guidance, motion_source};
-use super::handles::{Handle, Kind, Object, destroy, enter, enter_serialized, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter, enter_serialized, insert_to};
 use super::images::{Target, cairn_target};
 use super::results::{
     AbiResult, CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, cairn_result,
 };
-use super::structs::{Out, check_out, describe, read_or_default, slice};
+use super::structs::{Out, check_flags, check_out, describe, read_or_default, slice};
 use crate::Colours;
 use crate::framegen::Phases;
 use crate::present::Selection;
@@ -218,10 +218,9 @@ pub unsafe extern "C" fn cairn_presenter_create(
         check_out(presenter, "presenter")?;
         // SAFETY: the host's promise about `options`.
         let options = unsafe { read_or_default(options, "options") }?;
-        let handle = insert::<cairn_presenter>(create(&options)?)?;
+        let made = create(&options)?;
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { presenter.write(handle) };
-        Ok(CAIRN_OK)
+        unsafe { insert_to::<cairn_presenter>(made, presenter) }
     })
 }
 
@@ -445,9 +444,7 @@ fn create(options: &cairn_presenter_options) -> AbiResult<PresenterObject> {
     };
     let known =
         CAIRN_PRESENTER_HOLD_LATE | CAIRN_PRESENTER_CATCH_UP | CAIRN_PRESENTER_NO_DECODED | CAIRN_PRESENTER_LETTERBOX;
-    if options.flags & !known != 0 {
-        return refuse("flags", format!("{:#x} has an unknown bit", options.flags));
-    }
+    check_flags(options.flags, known, "options.flags")?;
     for (field, value) in [
         ("reserved", options.reserved),
         ("reserved_too", options.reserved_too),

@@ -2,7 +2,7 @@
 
 use super::boundary::call;
 use super::controls::{cairn_controls, read_controls};
-use super::handles::{Handle, Kind, Object, destroy, enter_serialized, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter_serialized, insert_to};
 use super::results::{CAIRN_OK, Failure, cairn_result};
 use super::script::{cairn_script, span};
 use super::structs::check_out;
@@ -33,10 +33,9 @@ impl Object for Recorder {}
 pub unsafe extern "C" fn cairn_recorder_create(recorder: *mut *mut cairn_recorder) -> cairn_result {
     call("cairn_recorder_create", || {
         check_out(recorder, "recorder")?;
-        let handle = insert::<cairn_recorder>(Recorder(Mutex::new(ScriptRecorder::new())))?;
+        let made = Recorder(Mutex::new(ScriptRecorder::new()));
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { recorder.write(handle) };
-        Ok(CAIRN_OK)
+        unsafe { insert_to::<cairn_recorder>(made, recorder) }
     })
 }
 
@@ -159,10 +158,9 @@ pub unsafe extern "C" fn cairn_recorder_make_script(
         let recorder = enter_serialized(recorder)?;
         check_out(script, "script")?;
         let recorded = recorder.0.lock().clone();
-        let handle = insert::<cairn_script>(recorded.finish(WorldTime::from_micros(microseconds))?)?;
+        let made = recorded.finish(WorldTime::from_micros(microseconds))?;
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { script.write(handle) };
-        Ok(CAIRN_OK)
+        unsafe { insert_to::<cairn_script>(made, script) }
     })
 }
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::anchor::cairn_anchor;
 use super::boundary::call;
 use super::controls::{cairn_controls, read_controls};
-use super::handles::{Handle, Kind, Object, destroy, enter, enter_serialized, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter, enter_serialized, insert_to};
 use super::images::{cairn_picture, read_picture};
 use super::results::{AbiResult, CAIRN_OK, Failure, cairn_result};
 use super::structs::{Out, check_out, describe, read_or_default};
@@ -143,10 +143,9 @@ pub unsafe extern "C" fn cairn_rollout_create(
             }
         };
         let created = Rollout::new(&world.world, &point, options.seed)?;
-        let handle = insert::<cairn_rollout>(Worker::new(created, capacity as usize))?;
+        let made = Worker::new(created, capacity as usize);
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { rollout.write(handle) };
-        Ok(CAIRN_OK)
+        unsafe { insert_to::<cairn_rollout>(made, rollout) }
     })
 }
 
@@ -385,10 +384,8 @@ pub unsafe extern "C" fn cairn_rollout_get_anchor(
         let worker = enter(rollout)?;
         check_out(anchor, "anchor")?;
         let copy = worker.lock_between_steps(worker.is_nested())?.anchor()?;
-        let handle = insert::<cairn_anchor>(copy)?;
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { anchor.write(handle) };
-        Ok(CAIRN_OK)
+        unsafe { insert_to::<cairn_anchor>(copy, anchor) }
     })
 }
 

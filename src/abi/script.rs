@@ -4,7 +4,7 @@ use std::ffi::c_char;
 
 use super::boundary::call;
 use super::controls::{cairn_controls, to_header};
-use super::handles::{Handle, Kind, Object, destroy, enter, insert};
+use super::handles::{Handle, Kind, Object, destroy, enter, insert_to};
 use super::results::{AbiResult, CAIRN_OK, Failure, cairn_result};
 use super::structs::{Out, check_out, slice};
 use super::text::copy_text;
@@ -41,10 +41,9 @@ pub unsafe extern "C" fn cairn_script_create(
         check_out(script, "script")?;
         // SAFETY: the host's promise about `text`.
         let text = unsafe { slice(text.cast::<u8>(), length, "text") }?;
-        let handle = insert::<cairn_script>(ControlScript::parse_bytes(text)?)?;
+        let made = ControlScript::parse_bytes(text)?;
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { script.write(handle) };
-        Ok(CAIRN_OK)
+        unsafe { insert_to::<cairn_script>(made, script) }
     })
 }
 

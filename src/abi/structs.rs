@@ -234,6 +234,19 @@ fn check_size<T: Struct>(size: usize, name: &str) -> AbiResult<()> {
         .remedy(format!("Set struct_size to its sizeof, {own} in this version")))
 }
 
+/// Checks that flags have no other bits than `known`.
+pub(super) fn check_flags(flags: u32, known: u32, name: &str) -> AbiResult<()> {
+    if flags & !known == 0 {
+        return Ok(());
+    }
+    Err(Failure::argument(name, format!("{flags:#x} has an unknown bit")))
+}
+
+/// Checks a field that is not used yet.
+pub(super) fn check_zero(value: u32, name: &str) -> AbiResult<()> {
+    if value == 0 { Ok(()) } else { Err(Failure::argument(name, "it must be 0")) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::results::CAIRN_ERROR_INVALID_ARGUMENT;

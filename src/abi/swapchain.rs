@@ -7,9 +7,9 @@ use crate::locks::Mutex;
 use super::boundary::call;
 use super::d3d12::{ID3D12GraphicsCommandList, ID3D12Resource, check_not_null};
 use super::device::cairn_device;
-use super::handles::{Handle, Kind, Object, destroy, enter, enter_before_destruction, enter_serialized, insert};
-use super::results::{AbiResult, CAIRN_ERROR_BUSY, CAIRN_OK, Failure, cairn_result};
-use super::structs::{Out, check_out, read};
+use super::handles::{Handle, Kind, Object, destroy, enter, enter_before_destruction, enter_serialized, insert_to};
+use super::results::{CAIRN_ERROR_BUSY, CAIRN_OK, Failure, cairn_result};
+use super::structs::{Out, check_flags, check_out, read};
 
 #[cfg_attr(windows, path = "swapchain/windows.rs")]
 #[cfg_attr(not(windows), path = "swapchain/unsupported.rs")]
@@ -94,7 +94,7 @@ pub unsafe extern "C" fn cairn_swapchain_wrap(
         // SAFETY: checked above, and the host's promise about it and its object.
         let made = unsafe { backend::wrap(&device, &options, &mut *own) }?;
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { write_handle(made, swapchain) }
+        unsafe { insert_to(Mutex::new(made), swapchain) }
     })
 }
 
@@ -126,7 +126,7 @@ pub unsafe extern "C" fn cairn_swapchain_create(
         // SAFETY: the host's promise about its object and its struct.
         let made = unsafe { backend::create(&device, &options, factory, description) }?;
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { write_handle(made, swapchain) }
+        unsafe { insert_to(Mutex::new(made), swapchain) }
     })
 }
 
@@ -162,7 +162,7 @@ pub unsafe extern "C" fn cairn_swapchain_create_for_window(
         // SAFETY: the host's promise about its object and its structs.
         let made = unsafe { backend::create_for_window(&device, &options, factory, window, description, fullscreen) }?;
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { write_handle(made, swapchain) }
+        unsafe { insert_to(Mutex::new(made), swapchain) }
     })
 }
 
@@ -358,15 +358,4 @@ pub unsafe extern "C" fn cairn_swapchain_destroy(swapchain: *mut cairn_swapchain
         }
         destroy(swapchain)
     })
-}
-
-/// Puts a swap chain into the table and writes its handle to `to`.
-///
-/// # Safety
-/// `to` can be written.
-unsafe fn write_handle(made: SwapchainObject, to: *mut *mut cairn_swapchain) -> AbiResult {
-    let handle = insert::<cairn_swapchain>(Mutex::new(made))?;
-    // SAFETY: the caller's promise.
-    unsafe { to.write(handle) };
-    Ok(CAIRN_OK)
 }

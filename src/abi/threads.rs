@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::boundary::call;
 use super::results::{AbiResult, CAIRN_OK, Failure, cairn_result};
-use super::structs::{describe, read, read_or_default};
+use super::structs::{check_zero, describe, read, read_or_default};
 use crate::tasks::{MAX_THREADS, Priority, Scheduler, ThreadOptions, set_scheduler, set_threads};
 
 /// The library's own threads run below normal priority, so that a game's threads run first: THREAD_PRIORITY_BELOW_NORMAL on Windows,
@@ -119,9 +119,7 @@ fn thread_options(options: &cairn_thread_options) -> AbiResult<ThreadOptions> {
         CAIRN_PRIORITY_LOWEST => Priority::Lowest,
         other => return refuse("priority", format!("{other} is no priority")),
     };
-    if options.reserved != 0 {
-        return refuse("reserved", "it must be 0".into());
-    }
+    check_zero(options.reserved, "options.reserved")?;
     Ok(ThreadOptions { threads, priority })
 }
 

@@ -9,9 +9,9 @@ use std::time::Duration;
 
 use super::boundary::call;
 use super::device::{cairn_device, precision, precision_number};
-use super::handles::{Handle, Kind, Object, destroy, enter, insert};
-use super::results::{AbiResult, CAIRN_OK, Failure, cairn_result};
-use super::structs::{Out, check_out, describe, read};
+use super::handles::{Handle, Kind, Object, destroy, enter, insert_to};
+use super::results::{AbiResult, CAIRN_OK, cairn_result};
+use super::structs::{Out, check_flags, check_out, check_zero, describe, read};
 use super::text::{copy_text, fixed_text, optional_text};
 use crate::bundle::{Bundle, OpenOptions};
 use crate::runtime::Device;
@@ -229,10 +229,8 @@ pub unsafe extern "C" fn cairn_world_load(
         // SAFETY: as above.
         let point = unsafe { optional_text(options.operating_point, "options.operating_point") }?;
         let loaded = load(&device, path, point, &options)?;
-        let handle = insert::<cairn_world>(loaded)?;
         // SAFETY: checked above; writable by the host's promise.
-        unsafe { world.write(handle) };
-        Ok(CAIRN_OK)
+        unsafe { insert_to::<cairn_world>(loaded, world) }
     })
 }
 
@@ -354,12 +352,8 @@ fn load(
     point: Option<&str>,
     options: &cairn_world_options,
 ) -> AbiResult<LoadedWorld> {
-    if options.flags & !(CAIRN_WORLD_FIT_WINDOW | CAIRN_WORLD_CHECK_PRECISION) != 0 {
-        return Err(Failure::argument("options.flags", format!("{:#x} has an unknown bit", options.flags)));
-    }
-    if options.reserved != 0 {
-        return Err(Failure::argument("options.reserved", "it must be 0"));
-    }
+    check_flags(options.flags, CAIRN_WORLD_FIT_WINDOW | CAIRN_WORLD_CHECK_PRECISION, "options.flags")?;
+    check_zero(options.reserved, "options.reserved")?;
     let point = point.map(str::parse::<OperatingPoint>).transpose()?;
     let precision = precision(options.precision, "options.precision")?;
     let reporter =

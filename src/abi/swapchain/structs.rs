@@ -2,7 +2,8 @@
 
 use super::super::d3d12::{ID3D12Resource, check_not_null};
 use super::super::results::{AbiResult, Failure};
-use super::super::structs::{describe, read, read_or_default};
+use super::super::structs::{check_flags, check_zero, describe, read, read_or_default};
+use crate::MAX_SIDE;
 
 /// The provider that AMD's libraries and the driver prefer.
 pub const CAIRN_FSR_ANY: u32 = 0;
@@ -188,13 +189,6 @@ describe!(cairn_swapchain_statistics, [176], {
     generator, pacer, repeated,
 });
 
-pub(super) fn check_flags(flags: u32, known: u32, name: &str) -> AbiResult<()> {
-    if flags & !known == 0 {
-        return Ok(());
-    }
-    Err(Failure::argument(name, format!("{flags:#x} has an unknown bit")))
-}
-
 /// Reads a host's options and checks their ranges.
 ///
 /// # Safety
@@ -223,15 +217,10 @@ pub(super) unsafe fn checked_options(options: *const cairn_swapchain_options) ->
     Ok(options)
 }
 
-/// The largest side of a texture, in pixels.
-const MAX_SIDE: u32 = 16_384;
-
 /// Checks what does not depend on the swap chain: flags, required textures, the render size, and that all numbers are finite.
 pub(super) fn check_frame(frame: &cairn_swapchain_frame) -> AbiResult<()> {
     check_flags(frame.flags, CAIRN_SWAPCHAIN_RESET, "frame.flags")?;
-    if frame.reserved != 0 {
-        return Err(Failure::argument("frame.reserved", "it must be 0"));
-    }
+    check_zero(frame.reserved, "frame.reserved")?;
     check_not_null(frame.depth, "frame.depth")?;
     check_not_null(frame.motion, "frame.motion")?;
     for (side, field) in [(frame.render_width, "render_width"), (frame.render_height, "render_height")] {
