@@ -42,7 +42,7 @@ pub use resize::{Planes, Resize};
 pub use system::System;
 pub use target::Target;
 pub(crate) use target::check_list;
-pub(crate) use texture::{picture_texture, read_buffer, writable_texture};
+pub(crate) use texture::{open_list, picture_texture, read_buffer, writable_texture};
 pub use texture::{read_texture, texture_from_picture};
 pub(crate) use timestamps::TimestampPairs;
 pub use uploads::{PendingUpload, Uploads};

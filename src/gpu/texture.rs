@@ -1,26 +1,16 @@
 //! Copies pictures between textures and memory, and creates textures.
 
-use std::mem::ManuallyDrop;
-
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
 use windows::core::Interface;
 
 use super::buffers::{Heap, MappedBuffer};
-use super::target::check_state;
+use super::compute::{borrowed, compute_queue_knows, transition};
+use super::target::{check_state, refuse};
 use super::{FencePoint, Gpu, failed_on};
 use crate::object_count::count_object;
+use crate::pixel_format::swap_red_and_blue;
 use crate::{Error, ErrorKind, MAX_SIDE, Picture, Result};
-
-/// The states that a compute list may name in a barrier.
-const COMPUTE_STATES: D3D12_RESOURCE_STATES = D3D12_RESOURCE_STATES(
-    D3D12_RESOURCE_STATE_VERTEX_AND_CONSTANT_BUFFER.0
-        | D3D12_RESOURCE_STATE_UNORDERED_ACCESS.0
-        | D3D12_RESOURCE_STATE_NON_PIXEL_SHADER_RESOURCE.0
-        | D3D12_RESOURCE_STATE_INDIRECT_ARGUMENT.0
-        | D3D12_RESOURCE_STATE_COPY_DEST.0
-        | D3D12_RESOURCE_STATE_COPY_SOURCE.0,
-);
 
 /// Reads a texture into memory, after all earlier work of the queue for frames; waits for it.
 ///
@@ -55,17 +45,11 @@ pub fn read_texture(gpu: &Gpu, texture: &ID3D12Resource, state: D3D12_RESOURCE_S
             barrier(list, texture, D3D12_RESOURCE_STATE_COPY_SOURCE, state);
         }
     })?;
-    let mut found = Vec::new();
-    found
-        .try_reserve_exact(bytes)
-        .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("a texture of {bytes} bytes cannot be read")))?;
-    found.resize(bytes, 0);
-    readback.read(&mut found);
     let len = picture.width() as usize * 4;
-    for (row, from) in picture.rgba_mut().chunks_exact_mut(len).zip(found.chunks(layout.Footprint.RowPitch as usize)) {
-        row.copy_from_slice(&from[..len]);
+    for (y, row) in picture.rgba_mut().chunks_exact_mut(len).enumerate() {
+        readback.read_at(y * layout.Footprint.RowPitch as usize, row);
         if blue_first {
-            row.as_chunks_mut::<4>().0.iter_mut().for_each(|pixel| pixel.swap(0, 2));
+            swap_red_and_blue(row);
         }
     }
     Ok(picture)
@@ -150,7 +134,7 @@ pub(crate) fn read_buffer(gpu: &Gpu, buffer: &ID3D12Resource, into: &mut [u8]) -
 
 /// Whether a list of the type may name a state in a barrier.
 pub(super) fn can_name_state(kind: D3D12_COMMAND_LIST_TYPE, state: D3D12_RESOURCE_STATES) -> bool {
-    kind != D3D12_COMMAND_LIST_TYPE_COMPUTE || state & COMPUTE_STATES == state
+    kind != D3D12_COMMAND_LIST_TYPE_COMPUTE || compute_queue_knows(state)
 }
 
 /// Checks that a texture is a plain picture; returns whether its pixels are BGRA.
@@ -162,17 +146,13 @@ fn check(desc: &D3D12_RESOURCE_DESC) -> Result<bool> {
         return Err(refuse("texture", "it is multisampled").remedy("Resolve it first"));
     }
     if desc.Width > u64::from(MAX_SIDE) || desc.Height > MAX_SIDE {
-        return Err(refuse("texture", &format!("{} x {} pixels are too many", desc.Width, desc.Height)));
+        return Err(refuse("texture", format!("{} x {} pixels are too many", desc.Width, desc.Height)));
     }
     match desc.Format {
         DXGI_FORMAT_R8G8B8A8_UNORM | DXGI_FORMAT_R8G8B8A8_UNORM_SRGB | DXGI_FORMAT_R8G8B8A8_TYPELESS => Ok(false),
         DXGI_FORMAT_B8G8R8A8_UNORM | DXGI_FORMAT_B8G8R8A8_UNORM_SRGB | DXGI_FORMAT_B8G8R8A8_TYPELESS => Ok(true),
-        other => Err(refuse("texture", &format!("its format is DXGI_FORMAT {}", other.0)).remedy("Use RGBA8 or BGRA8")),
+        other => Err(refuse("texture", format!("its format is DXGI_FORMAT {}", other.0)).remedy("Use RGBA8 or BGRA8")),
     }
-}
-
-fn refuse(field: &str, why: &str) -> Error {
-    Error::new(ErrorKind::InvalidArgument, why).field(field)
 }
 
 /// Buffer layout of a texture's first mip level, and its size in bytes.
@@ -183,17 +163,27 @@ pub(super) fn layout(gpu: &Gpu, desc: &D3D12_RESOURCE_DESC) -> (D3D12_PLACED_SUB
     (layout, bytes as usize)
 }
 
-/// Records commands with `record`, runs them on the queue for frames and waits; returns the fence point.
-fn run_and_wait(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> Result<FencePoint> {
-    let (device, kind) = (gpu.device(), gpu.frames().kind());
+/// An open list with its own allocator.
+pub(crate) fn open_list(
+    gpu: &Gpu,
+    kind: D3D12_COMMAND_LIST_TYPE,
+) -> Result<(ID3D12GraphicsCommandList, ID3D12CommandAllocator)> {
+    let device = gpu.device();
     // An allocator and a list.
     (0..2).for_each(|_| count_object());
     // SAFETY: a live device.
     let allocator: ID3D12CommandAllocator = unsafe { device.CreateCommandAllocator(kind) }
         .map_err(|e| failed_on(device, "ID3D12Device::CreateCommandAllocator", &e))?;
     // SAFETY: a live device and allocator.
-    let list: ID3D12GraphicsCommandList = unsafe { device.CreateCommandList(0, kind, &allocator, None) }
+    let list = unsafe { device.CreateCommandList(0, kind, &allocator, None) }
         .map_err(|e| failed_on(device, "ID3D12Device::CreateCommandList", &e))?;
+    Ok((list, allocator))
+}
+
+/// Records commands with `record`, runs them on the queue for frames and waits; returns the fence point.
+fn run_and_wait(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> Result<FencePoint> {
+    let device = gpu.device();
+    let (list, _allocator) = open_list(gpu, gpu.frames().kind())?;
     record(&list);
     // SAFETY: an open list.
     unsafe { list.Close() }.map_err(|e| failed_on(device, "ID3D12GraphicsCommandList::Close", &e))?;
@@ -202,12 +192,6 @@ fn run_and_wait(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> R
     // The list's allocator and resources must live until then.
     fence_point.wait()?;
     Ok(fence_point)
-}
-
-/// A resource argument for a call that takes no reference.
-fn borrowed(resource: &ID3D12Resource) -> ManuallyDrop<Option<ID3D12Resource>> {
-    // SAFETY: the same pointer; `ManuallyDrop` releases no reference.
-    unsafe { std::mem::transmute_copy(resource) }
 }
 
 /// A buffer as the location of a texture copy.
@@ -245,17 +229,6 @@ pub(super) fn barrier(
     before: D3D12_RESOURCE_STATES,
     after: D3D12_RESOURCE_STATES,
 ) {
-    let transition = D3D12_RESOURCE_TRANSITION_BARRIER {
-        pResource: borrowed(resource),
-        Subresource: D3D12_RESOURCE_BARRIER_ALL_SUBRESOURCES,
-        StateBefore: before,
-        StateAfter: after,
-    };
-    let barrier = D3D12_RESOURCE_BARRIER {
-        Type: D3D12_RESOURCE_BARRIER_TYPE_TRANSITION,
-        Anonymous: D3D12_RESOURCE_BARRIER_0 { Transition: ManuallyDrop::new(transition) },
-        ..Default::default()
-    };
     // SAFETY: an open list and a live resource in the state before.
-    unsafe { list.ResourceBarrier(&[barrier]) };
+    unsafe { list.ResourceBarrier(&[transition(resource, before, after)]) };
 }

@@ -1,6 +1,7 @@
 //! Converts the header's swap chain options and frames to types of `ffx`.
 
 use super::*;
+use crate::abi::results::AbiResult;
 use crate::ffx::bindings::{Coordinates, CreateFlags, Dimensions, Rect, SurfaceFormat};
 use crate::ffx::{Camera, Choice, Family, FrameParams};
 

@@ -10,6 +10,7 @@ use windows::core::{IUnknown, Interface as _};
 
 use super::*;
 use crate::abi::d3d12::backend::com_object;
+use crate::abi::results::AbiResult;
 use crate::abi::text::fixed_text;
 use crate::ffx::bindings::{Dimensions, MemoryUsage};
 pub(super) use crate::ffx::is_presenting_thread;

@@ -44,7 +44,7 @@ pub(super) fn uav_barrier_of_all() -> D3D12_RESOURCE_BARRIER {
 }
 
 /// A resource argument for a call that only reads the pointer and takes no reference.
-pub(super) fn borrowed(resource: &ID3D12Resource) -> ManuallyDrop<Option<ID3D12Resource>> {
+pub(in crate::gpu) fn borrowed(resource: &ID3D12Resource) -> ManuallyDrop<Option<ID3D12Resource>> {
     // SAFETY: the same pointer; `ManuallyDrop` releases no reference.
     unsafe { std::mem::transmute_copy(resource) }
 }

@@ -5,12 +5,12 @@ use std::ffi::CStr;
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
 
-use super::barrier::{borrowed, transition, uav_barrier, uav_barrier_of_all};
+use super::barrier::{transition, uav_barrier, uav_barrier_of_all};
 use super::command_ring::FrameSlot;
 use super::frame_timing::FrameTiming;
 use super::{Kernel, ResourceWithState, View};
 use crate::gpu::queue::EVENT_OF_BYTES;
-use crate::gpu::{FencePoint, Gpu, Queue, failed_on};
+use crate::gpu::{FencePoint, Gpu, Queue, failed_on, texture};
 use crate::{Error, ErrorKind, Result};
 
 /// The state in which a shader reads a resource.
@@ -208,18 +208,8 @@ impl<'a> CommandRecorder<'a> {
         self.require_state(from, D3D12_RESOURCE_STATE_COPY_SOURCE);
         self.require_state(to, D3D12_RESOURCE_STATE_COPY_DEST);
         self.flush();
-        let from = D3D12_TEXTURE_COPY_LOCATION {
-            pResource: borrowed(from.resource),
-            Type: D3D12_TEXTURE_COPY_TYPE_PLACED_FOOTPRINT,
-            Anonymous: D3D12_TEXTURE_COPY_LOCATION_0 { PlacedFootprint: rows },
-        };
-        let to = D3D12_TEXTURE_COPY_LOCATION {
-            pResource: borrowed(to.resource),
-            Type: D3D12_TEXTURE_COPY_TYPE_SUBRESOURCE_INDEX,
-            Anonymous: D3D12_TEXTURE_COPY_LOCATION_0 { SubresourceIndex: 0 },
-        };
-        // SAFETY: an open list, and live resources of its device in the states for it, which the ring holds.
-        unsafe { self.list.CopyTextureRegion(&to, 0, 0, 0, &from, None) };
+        // The ring holds both resources.
+        texture::copy(&self.list, &texture::first_level(to.resource), &texture::placed(from.resource, rows));
         Ok(())
     }
 

@@ -6,7 +6,7 @@ use windows::core::Interface;
 use super::CommandRecorder;
 use super::command_recorder::TrackedResource;
 use super::frame_timing::FrameTiming;
-use crate::gpu::{FencePoint, Gpu, GpuTimeStatistics, Queue, failed_on};
+use crate::gpu::{FencePoint, Gpu, GpuTimeStatistics, Queue, failed_on, open_list};
 use crate::object_count::count_object;
 use crate::{Error, ErrorKind, Result};
 
@@ -226,17 +226,9 @@ impl std::fmt::Debug for CommandRing {
 
 impl FrameSlot {
     fn new(gpu: &Gpu, kind: D3D12_COMMAND_LIST_TYPE, first: u32) -> Result<Self> {
-        let device = gpu.device();
-        // An allocator and a list.
-        (0..2).for_each(|_| count_object());
-        // SAFETY: a live device.
-        let allocator: ID3D12CommandAllocator = unsafe { device.CreateCommandAllocator(kind) }
-            .map_err(|e| failed_on(device, "ID3D12Device::CreateCommandAllocator", &e))?;
-        // SAFETY: a live device and allocator.
-        let list: ID3D12GraphicsCommandList = unsafe { device.CreateCommandList(0, kind, &allocator, None) }
-            .map_err(|e| failed_on(device, "ID3D12Device::CreateCommandList", &e))?;
+        let (list, allocator) = open_list(gpu, kind)?;
         // SAFETY: an open list without commands.
-        unsafe { list.Close() }.map_err(|e| failed_on(device, "ID3D12GraphicsCommandList::Close", &e))?;
+        unsafe { list.Close() }.map_err(|e| failed_on(gpu.device(), "ID3D12GraphicsCommandList::Close", &e))?;
         let (tracked, barriers) = (Vec::with_capacity(RESOURCES), Vec::with_capacity(RESOURCES));
         let kernels = Vec::with_capacity(RESOURCES);
         Ok(Self { first, allocator, list, is_timed: false, in_use_until: None, tracked, kernels, barriers })

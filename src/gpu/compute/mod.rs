@@ -13,6 +13,7 @@ pub(crate) mod picture_formats;
 mod view;
 
 pub use super::GpuTimeStatistics;
+pub(in crate::gpu) use barrier::borrowed;
 pub use barrier::transition;
 pub use command_recorder::CommandRecorder;
 pub(crate) use command_recorder::{Table, compute_queue_knows};

@@ -5,7 +5,6 @@
 //! late, in another order, or never. The device returns only a small report per frame, which is read when a later frame is made.
 
 mod cut_reports;
-mod engine_copies;
 mod half_way;
 mod inputs;
 mod output_pass;
@@ -30,10 +29,10 @@ use crate::gpu::compute::picture_formats::{PictureFormat, target as format_of};
 use crate::gpu::compute::{CommandRing, GpuTimeStatistics, Output, ResourceWithState};
 use crate::gpu::{FencePoint, Gpu, Target, check_list};
 use crate::{Colours, Error, Result};
-use engine_copies::EngineCopies;
 use half_way::HalfWayGenerator;
 use inputs::{FrameInputs, in_common_state};
 pub use pictures::PictureUpscaler;
+use recorded::RecordedFrames;
 pub use recorded::RetiredFrames;
 pub(in crate::present) use reports::DeviceReport;
 use reports::ReportCollector;
@@ -68,7 +67,9 @@ pub struct DeviceDrawer {
     cache: ResourceCache,
     reports: ReportCollector,
     /// Finished frames that an engine's lists copy from.
-    copies: EngineCopies,
+    recorded: RecordedFrames,
+    /// Frames of earlier preparations that an engine's lists may still copy from.
+    retired: RetiredFrames,
     /// The last preparation; `None` if it failed.
     prepared: Option<Prepared>,
     /// Key of the last frame that was made.
@@ -158,7 +159,8 @@ impl DeviceDrawer {
             ring: CommandRing::new(gpu, gpu.frames(), shader::DESCRIPTORS + output_pass::DESCRIPTORS)?,
             cache: ResourceCache::new(gpu, size)?,
             reports: ReportCollector::new(gpu)?,
-            copies: EngineCopies::none(),
+            recorded: RecordedFrames::none(),
+            retired: RetiredFrames::default(),
             prepared: None,
             last: None,
         })
@@ -241,7 +243,8 @@ impl DeviceDrawer {
         self.cache.prepare(motion, preparation.latent)?;
         self.set_output_size(preparation.size, letterbox)?;
         let Preparation { size, pixel_bytes, lists, .. } = *preparation;
-        self.copies.replace(&self.gpu, lists, size, pixel_bytes)?;
+        let recorded = RecordedFrames::new(&self.gpu, lists, size, pixel_bytes)?;
+        self.retired.push(std::mem::replace(&mut self.recorded, recorded));
         self.last = None;
         self.prepared = Some(Prepared { size, pixel_bytes, letterbox });
         Ok(())
@@ -271,7 +274,7 @@ impl DeviceDrawer {
 
     /// Whether frames can be recorded into an engine's lists: the preparation has slots for them.
     pub(super) fn can_record(&self) -> bool {
-        !self.copies.is_empty()
+        !self.recorded.is_empty()
     }
 
     /// Makes the requested frame and records its copy over `target` into an engine's open list, which has run once `until` is reached.
@@ -286,19 +289,19 @@ impl DeviceDrawer {
         until: &FencePoint,
     ) -> Result<FrameResult<FrameTimes>> {
         let Some(format) = self.check(request, target)? else { return Ok(FrameResult::NotPrepared) };
-        let (slot, times) = match self.copies.find(request.key, format) {
+        let (slot, times) = match self.recorded.find(request.key, format) {
             Some(slot) => {
                 self.reports.count_repeat();
                 (slot, FrameTimes::default())
             }
             None => {
-                let Some(slot) = self.copies.free_slot() else { return Ok(FrameResult::QueueFull) };
+                let Some(slot) = self.recorded.free_slot() else { return Ok(FrameResult::QueueFull) };
                 let (_, times) = self.make(request, format, Destination::Slot(slot))?;
-                self.copies.set_frame(slot, request.key, format);
+                self.recorded.set_frame(slot, request.key, format);
                 (slot, times)
             }
         };
-        self.copies.record_copy(slot, list, target, until);
+        self.recorded.record_copy(slot, list, target, until);
         Ok(FrameResult::Made(times))
     }
 
@@ -412,7 +415,7 @@ impl DeviceDrawer {
             Destination::Target(target) => {
                 Output::from(&ResourceWithState { resource: &target.texture, state: target.before })
             }
-            Destination::Slot(slot) => Output::rows(in_common_state(self.copies.memory(slot)), format),
+            Destination::Slot(slot) => Output::rows(in_common_state(self.recorded.memory(slot)), format),
         };
         let slot = self.ring.next_slot();
         let mut frame = self.ring.begin()?;
@@ -455,14 +458,16 @@ impl DeviceDrawer {
     pub fn finish(&mut self) -> Result<()> {
         self.ring.finish()?;
         self.gpu.frames().signal()?.wait()?;
-        self.copies.release();
+        self.recorded.release();
+        self.retired.release();
         Ok(())
     }
 
     /// Destroys the drawer except for the frames that an engine's lists may still read.
     pub fn retire(self) -> RetiredFrames {
-        let Self { copies, .. } = self;
-        copies.retire()
+        let Self { recorded, mut retired, .. } = self;
+        retired.push(recorded);
+        retired
     }
 
     /// Device time of the frames that have run.
@@ -482,7 +487,7 @@ impl DeviceDrawer {
 
     /// Recorded frames whose lists may not have run.
     pub fn pending(&mut self) -> usize {
-        self.copies.pending()
+        self.recorded.pending() + self.retired.pending()
     }
 }
 
@@ -490,7 +495,7 @@ impl DeviceDrawer {
 #[derive(Clone, Copy)]
 enum Destination<'a> {
     Target(&'a Target),
-    /// A slot of [`EngineCopies`].
+    /// A slot of [`RecordedFrames`].
     Slot(usize),
 }
 

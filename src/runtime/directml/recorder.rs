@@ -7,7 +7,7 @@ use windows::core::Interface;
 
 use super::interval_times::{IntervalTimes, TimedInterval, WorkKind};
 use crate::gpu::compute::transition;
-use crate::gpu::{FencePoint, Gpu, GpuTimeStatistics, Heap, MappedBuffer, Pipeline, failed_on};
+use crate::gpu::{FencePoint, Gpu, GpuTimeStatistics, Heap, MappedBuffer, Pipeline, failed_on, open_list};
 use crate::runtime::execution_context::Region;
 use crate::{Error, Result};
 
@@ -52,8 +52,8 @@ struct Clearing {
 
 impl Recorder {
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
-        let (list, allocator) = open(gpu)?;
-        let (other, next) = open(gpu)?;
+        let (list, allocator) = open_list(gpu, gpu.anchors().kind())?;
+        let (other, next) = open_list(gpu, gpu.anchors().kind())?;
         let (gpu, next) = (gpu.clone(), Some(next));
         let (used, pages, free, clearings) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let (in_flight, times) = (VecDeque::new(), IntervalTimes::new(&gpu)?);
@@ -411,15 +411,6 @@ impl Drop for Recorder {
             fence_point.wait_ignoring_loss();
         }
     }
-}
-
-/// An open list with its own allocator.
-fn open(gpu: &Gpu) -> Result<(ID3D12GraphicsCommandList, ID3D12CommandAllocator)> {
-    let allocator = allocator(gpu)?;
-    // SAFETY: a live device and allocator.
-    let list = unsafe { gpu.device().CreateCommandList(0, gpu.anchors().kind(), &allocator, None) }
-        .map_err(|e| failed_on(gpu.device(), "ID3D12Device::CreateCommandList", &e))?;
-    Ok((list, allocator))
 }
 
 fn allocator(gpu: &Gpu) -> Result<ID3D12CommandAllocator> {

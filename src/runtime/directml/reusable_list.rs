@@ -3,7 +3,7 @@
 use windows::Win32::Graphics::Direct3D12::*;
 use windows::core::Interface;
 
-use crate::gpu::{FencePoint, Gpu, failed_on};
+use crate::gpu::{FencePoint, Gpu, failed_on, open_list};
 use crate::runtime::execution_context::Region;
 use crate::{Error, Result};
 
@@ -35,14 +35,8 @@ impl ReusableList {
     /// Calls `record` with an open list, which expects all buffers in the state COMMON. The caller keeps the resources that the
     /// list uses alive as long as this list.
     pub(super) fn record(gpu: &Gpu, record: impl FnOnce(&ID3D12GraphicsCommandList)) -> Result<Self> {
-        let (device, kind) = (gpu.device(), gpu.anchors().kind());
-        let failed = |call: &str, e: &windows::core::Error| -> Error { failed_on(device, call, e) };
-        // SAFETY: a live device.
-        let allocator: ID3D12CommandAllocator = unsafe { device.CreateCommandAllocator(kind) }
-            .map_err(|e| failed("ID3D12Device::CreateCommandAllocator", &e))?;
-        // SAFETY: a live device and allocator.
-        let list: ID3D12GraphicsCommandList = unsafe { device.CreateCommandList(0, kind, &allocator, None) }
-            .map_err(|e| failed("ID3D12Device::CreateCommandList", &e))?;
+        let failed = |call: &str, e: &windows::core::Error| -> Error { failed_on(gpu.device(), call, e) };
+        let (list, allocator) = open_list(gpu, gpu.anchors().kind())?;
         record(&list);
         // SAFETY: an open list.
         unsafe { list.Close() }.map_err(|e| failed("ID3D12GraphicsCommandList::Close", &e))?;
