@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use cairn::bundle::Bundle;
+use cairn::bundle::{Bundle, LayerKind};
 use cairn::runtime::{CpuOptions, Device, Ort};
 use cairn::world::{CacheMode, ControlInput, OperatingPoint, Preset, Rollout, Schedule, StepInfo, World, WorldOptions};
 use cairn::{LibrarySearch, Picture};
@@ -153,8 +153,8 @@ fn measure(ort: &Ort, world: &Arc<World>, path: &Path) -> Result<(), Box<dyn Err
     println!("  ratio (1.03 is the aim)                  {:>10.3}", ours.as_secs_f64() / theirs.as_secs_f64());
     println!("  allocations of ours per step             {:>10.2}", allocations as f64 / steps as f64);
     println!("  bytes into the ring per step             {:>10.0}", ring_bytes as f64 / steps as f64);
-    println!("  new slabs of a step, all layers          {:>10}", world.slab_bytes(true));
-    println!("  new slabs of a step, local layers        {:>10}", world.slab_bytes(false));
+    println!("  new slabs of a step, all layers          {:>10}", world.slab_bytes(&LayerKind::ALL));
+    println!("  new slabs of a step, local layers        {:>10}", world.slab_bytes(&[LayerKind::Local]));
     println!("  other bytes copied on the device         {:>10}", last.bytes.copied - last.ring_bytes);
     println!("  bytes up to the device                   {:>10}", last.bytes.uploaded);
     println!("  bytes down from the device               {:>10}", last.bytes.read);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use cairn::bundle::Precision;
+use cairn::bundle::{LayerKind, Precision};
 use cairn::world::{
     CacheMode, CachePass, ControlInput, Job, KvPart, MAX_POINTS, OperatingPoint, Rollout, Schedule, TicketState,
     Worker, World, WorldOptions,
@@ -209,7 +209,10 @@ fn a_commit_writes_its_slot_with_the_slabs_and_nothing_else() {
         }
         assert!(latent.iter().all(|v| v.is_finite()));
         assert_eq!(info.ring_bytes, changed, "exactly the changed bytes are counted");
-        assert_eq!(info.ring_bytes, world.slab_bytes(plan.global.slot.is_some()));
+        assert_eq!(
+            info.ring_bytes,
+            world.slab_bytes(if plan.global.slot.is_some() { &LayerKind::ALL } else { &[LayerKind::Local] })
+        );
     }
 }
 

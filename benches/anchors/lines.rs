@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use cairn::bundle::{Bundle, Precision};
+use cairn::bundle::{Bundle, LayerKind, Precision};
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::D3D12_RESOURCE_STATE_UNORDERED_ACCESS;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R8G8B8A8_UNORM;
@@ -87,7 +87,8 @@ fn step_costs(world: &Arc<World>) -> Result<()> {
     let (mut took, mut own, mut inside) = (Vec::new(), Vec::new(), Vec::new());
     let (mut ring, mut uploaded, mut copied, mut read, mut lower_bound) = (0, 0, 0, 0, 0);
     for _ in 0..STEPS {
-        let global_too = rollout.planner().plan_step(&ControlInput::default())?.global.slot.is_some();
+        let commits_global = rollout.planner().plan_step(&ControlInput::default())?.global.slot.is_some();
+        let kinds = if commits_global { &LayerKind::ALL[..] } else { &[LayerKind::Local] };
         let before = times(&mut rollout)?.external;
         let start = Instant::now();
         let made = rollout.step(&ControlInput::default())?;
@@ -99,7 +100,7 @@ fn step_costs(world: &Arc<World>) -> Result<()> {
         inside.push(inside_now);
         ring += made.ring_bytes;
         (uploaded, copied, read) = (uploaded + made.bytes.uploaded, copied + made.bytes.copied, read + made.bytes.read);
-        lower_bound += world.slab_bytes(global_too);
+        lower_bound += world.slab_bytes(kinds);
     }
     rollout.latent()?;
     let last = times(&mut rollout)?;

@@ -387,15 +387,38 @@ impl std::fmt::Display for GraphKind {
     }
 }
 
+/// What a layer of the transformer attends to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LayerKind {
+    /// The last latents.
+    Local,
+    /// Latents of the global window.
+    Global,
+}
+
+impl LayerKind {
+    /// All kinds.
+    pub const ALL: [Self; 2] = [Self::Local, Self::Global];
+}
+
 impl Geometry {
-    /// Whether layer `layer` attends globally.
-    pub fn is_global(&self, layer: u32) -> bool {
-        (i64::from(layer) - i64::from(self.global.offset)).rem_euclid(i64::from(self.global.period)) == 0
+    /// What layer `layer` attends to.
+    pub fn layer_kind(&self, layer: u32) -> LayerKind {
+        let distance = i64::from(layer) - i64::from(self.global.offset);
+        if distance.rem_euclid(i64::from(self.global.period)) == 0 { LayerKind::Global } else { LayerKind::Local }
     }
 
-    /// Number of slots, one latent each, in a global or local layer's ring at a global window of `g` latents.
-    pub fn slot_count(&self, global: bool, g: u32) -> u64 {
-        u64::from(if global { g / self.global.dilation } else { self.local.window })
+    /// Whether layer `layer` attends globally.
+    pub fn is_global(&self, layer: u32) -> bool {
+        self.layer_kind(layer) == LayerKind::Global
+    }
+
+    /// Number of slots, one latent each, in the ring of a layer at a global window of `g` latents.
+    pub fn slot_count(&self, kind: LayerKind, g: u32) -> u64 {
+        u64::from(match kind {
+            LayerKind::Local => self.local.window,
+            LayerKind::Global => g / self.global.dilation,
+        })
     }
 
     /// Numbers in one latent.

@@ -146,7 +146,7 @@ impl Geometry {
 
     /// Number of elements of K, or of V, of one layer at the global window `g`.
     fn past_len(&self, layer: u32, g: u32) -> u64 {
-        self.slot_count(self.is_global(layer), g) * self.slab_len()
+        self.slot_count(self.layer_kind(layer), g) * self.slab_len()
     }
 
     /// Number of elements of K, or of V, of one layer for one latent.

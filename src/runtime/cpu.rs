@@ -116,11 +116,6 @@ impl Backend for CpuBackend {
         DeviceKind::Cpu
     }
 
-    #[cfg(windows)]
-    fn as_any(&self) -> &dyn std::any::Any {
-        self
-    }
-
     fn context(&self, limits: ContextLimits) -> Result<Box<dyn ExecutionContext>> {
         let (memories, bindings, recorded, finite_checks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         Ok(Box::new(CpuContext {

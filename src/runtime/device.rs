@@ -28,12 +28,6 @@ pub(super) trait Backend: Send + Sync {
 
     fn context(&self, limits: ContextLimits) -> Result<Box<dyn ExecutionContext>>;
 
-    /// Its Direct3D 12 device; `None` for other devices.
-    #[cfg(windows)]
-    fn gpu(&self) -> Option<&crate::gpu::Gpu> {
-        None
-    }
-
     fn kind(&self) -> DeviceKind;
 
     /// A graphics device's memory budget and use; `None` where there is none or the system reports none.
@@ -41,9 +35,11 @@ pub(super) trait Backend: Send + Sync {
         None
     }
 
-    /// Itself, for options of one backend alone.
+    /// Itself, if it is DirectML's.
     #[cfg(windows)]
-    fn as_any(&self) -> &dyn std::any::Any;
+    fn directml(&self) -> Option<&super::directml::DirectMlBackend> {
+        None
+    }
 }
 
 /// What a [`Device`] is.
@@ -207,13 +203,13 @@ impl Device {
     /// Its Direct3D 12 device; `None` for other devices.
     #[cfg(windows)]
     pub fn gpu(&self) -> Option<&crate::gpu::Gpu> {
-        self.backend.gpu()
+        self.backend.directml().map(|backend| &backend.gpu)
     }
 
     /// Its DirectML options; `None` for a device without DirectML.
     #[cfg(windows)]
     pub fn directml_options(&self) -> Option<super::DirectMlOptions> {
-        self.directml_backend().map(|backend| backend.options.lock().clone())
+        self.backend.directml().map(|backend| backend.options.lock().clone())
     }
 
     /// Sets its DirectML options, for worlds that are loaded and rollouts that are made from now on.
@@ -222,17 +218,12 @@ impl Device {
     /// `Unsupported` on a device that is not a Direct3D 12 device.
     #[cfg(windows)]
     pub fn set_directml_options(&self, options: super::DirectMlOptions) -> Result<()> {
-        let backend = self.directml_backend().ok_or_else(|| {
+        let backend = self.backend.directml().ok_or_else(|| {
             let cause = format!("{} does not use DirectML", self.describe());
             Error::new(crate::ErrorKind::Unsupported, cause).remedy("Set them on a Direct3D 12 device")
         })?;
         *backend.options.lock() = options;
         Ok(())
-    }
-
-    #[cfg(windows)]
-    fn directml_backend(&self) -> Option<&super::directml::DirectMlBackend> {
-        self.backend.as_any().downcast_ref()
     }
 
     /// Whether its worlds are in a graphics device's memory.

@@ -90,11 +90,6 @@ impl Backend for FakeBackend {
     fn kind(&self) -> DeviceKind {
         DeviceKind::WebGpu
     }
-
-    #[cfg(windows)]
-    fn as_any(&self) -> &dyn std::any::Any {
-        self
-    }
 }
 
 struct FakeContext {

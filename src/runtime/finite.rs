@@ -11,8 +11,8 @@ pub(super) const fn exponents(precision: Precision) -> [u32; 2] {
     }
 }
 
-/// Whether every value of `bytes`, whole values of `precision` in native byte order, is finite.
-pub(super) fn all_finite(bytes: &[u8], precision: Precision) -> bool {
+/// Whether every value of `bytes`, whole values of `precision` in native byte order at any address, is finite.
+pub(crate) fn all_finite(bytes: &[u8], precision: Precision) -> bool {
     // All exponent bits are set for NaN and infinity. Without an early exit the loop runs at memory bandwidth.
     match precision {
         Precision::F32 => {

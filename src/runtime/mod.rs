@@ -40,6 +40,7 @@ pub(crate) use execution_context::{
 pub use execution_context::{CaptureStatistics, ExternalTimes};
 #[cfg(windows)]
 pub(crate) use execution_context::{Decoded, Work};
+pub(crate) use finite::all_finite;
 pub(crate) use graph::{ElementType, Graph, TensorSpec, element_size};
 pub use library::Ort;
 #[cfg(windows)]

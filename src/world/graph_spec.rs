@@ -1,6 +1,6 @@
 //! The inputs and outputs of a bundle's graphs, from its geometry: `docs/bundle.md`, section 4.
 
-use crate::bundle::{Geometry, Manifest, Precision};
+use crate::bundle::{Geometry, LayerKind, Manifest, Precision};
 use crate::runtime::TensorSpec;
 
 /// Inputs and outputs of one graph, in order.
@@ -57,18 +57,21 @@ impl Shapes {
     }
 
     /// Slots of a layer's ring.
-    pub(super) fn slot_count(&self, global: bool) -> usize {
-        if global { self.global_slots } else { self.local_slots }
+    pub(super) fn slot_count(&self, kind: LayerKind) -> usize {
+        match kind {
+            LayerKind::Local => self.local_slots,
+            LayerKind::Global => self.global_slots,
+        }
     }
 
     /// Keys a layer attends to: its ring and the current latent.
-    pub(super) fn attended_keys(&self, global: bool) -> usize {
-        self.keys_with(global, 1)
+    pub(super) fn attended_keys(&self, kind: LayerKind) -> usize {
+        self.keys_with(kind, 1)
     }
 
     /// Keys of a layer's ring and of so many latents.
-    pub(super) fn keys_with(&self, global: bool, latents: usize) -> usize {
-        (self.slot_count(global) + latents) * self.tokens
+    pub(super) fn keys_with(&self, kind: LayerKind, latents: usize) -> usize {
+        (self.slot_count(kind) + latents) * self.tokens
     }
 
     /// Values of K, or of V, of one latent in one layer: `[kv_heads, T, head_width]`.
@@ -77,8 +80,8 @@ impl Shapes {
     }
 
     /// Values of K, or of V, in a layer's ring: `[kv_heads, slots * T, head_width]`.
-    pub(super) fn ring_len(&self, global: bool) -> usize {
-        self.slot_count(global) * self.slab_len()
+    pub(super) fn ring_len(&self, kind: LayerKind) -> usize {
+        self.slot_count(kind) * self.slab_len()
     }
 
     /// Number of cosines, or of sines, of one latent: `[T, head_width / 2]`.
@@ -99,9 +102,9 @@ pub(super) const JOINED_LATENTS: usize = 2;
 pub(super) fn dimensions(s: &Shapes, latents: usize) -> [(&'static str, usize); 4] {
     [
         ("local_past", s.local_slots * s.tokens),
-        ("local_keys", s.keys_with(false, latents)),
+        ("local_keys", s.keys_with(LayerKind::Local, latents)),
         ("global_past", s.global_slots * s.tokens),
-        ("global_keys", s.keys_with(true, latents)),
+        ("global_keys", s.keys_with(LayerKind::Global, latents)),
     ]
 }
 
@@ -127,12 +130,12 @@ fn passes(geometry: &Geometry, s: &Shapes, f: Precision, latents: usize) -> Grap
         TensorSpec::new("rope_cos", Precision::F32, &rope),
         TensorSpec::new("rope_sin", Precision::F32, &rope),
         TensorSpec::new("controls", Precision::F32, &[latents, s.controls]),
-        TensorSpec::new("local_mask", f, &[1, latents, 1, s.keys_with(false, latents)]),
-        TensorSpec::new("global_mask", f, &[1, latents, 1, s.keys_with(true, latents)]),
+        TensorSpec::new("local_mask", f, &[1, latents, 1, s.keys_with(LayerKind::Local, latents)]),
+        TensorSpec::new("global_mask", f, &[1, latents, 1, s.keys_with(LayerKind::Global, latents)]),
     ];
     let mut outputs = vec![TensorSpec::new("x_next", f, &[1, c, h, w])];
     for i in 0..geometry.layers {
-        let past = [1, s.kv_heads, s.slot_count(geometry.is_global(i)) * s.tokens, s.head_width];
+        let past = [1, s.kv_heads, s.slot_count(geometry.layer_kind(i)) * s.tokens, s.head_width];
         let present = [1, s.kv_heads, s.tokens, s.head_width];
         for part in ["k", "v"] {
             inputs.push(TensorSpec::new(format!("past.{i}.{part}"), f, &past));

@@ -13,7 +13,7 @@ use super::passes::HIDDEN;
 use super::rope::RopeTable;
 use super::schedule::Schedule;
 use super::transformer::{PassBinding, Transformer};
-use crate::bundle::{Bundle, GraphKind, Manifest, ModelSource, ModelWithPeaks, Precision, Residual};
+use crate::bundle::{Bundle, GraphKind, LayerKind, Manifest, ModelSource, ModelWithPeaks, Precision, Residual};
 use crate::runtime::{BufferId, ContextLimits, Device, ExecutionContext, TensorSpec, element_size};
 use crate::{Error, ErrorKind, Result};
 
@@ -230,14 +230,17 @@ impl TransformerPass {
         let rope = RopeTable::new(&manifest.geometry)?;
         let (mut cos, mut sin) = (convert::zeroed(rope.len())?, convert::zeroed(rope.len())?);
         rope.fill(0, &mut cos, &mut sin)?;
-        let largest = shapes.latent_len().max(shapes.attended_keys(true)).max(shapes.attended_keys(false));
+        let largest = shapes
+            .latent_len()
+            .max(shapes.attended_keys(LayerKind::Global))
+            .max(shapes.attended_keys(LayerKind::Local));
         let mut uploader = Uploader::new(precision, largest)?;
         // The inputs in their order: x, sigma, dsigma, rope_cos, rope_sin, controls, local_mask, global_mask. Others stay zero.
         for (buffer, table) in [(buffers[3], &cos), (buffers[4], &sin)] {
             context.upload(buffer, 0, bytemuck::cast_slice(table))?;
         }
-        for (buffer, is_global) in [(buffers[6], false), (buffers[7], true)] {
-            let mut mask = convert::zeroed::<f32>(shapes.attended_keys(is_global))?;
+        for (buffer, kind) in [(buffers[6], LayerKind::Local), (buffers[7], LayerKind::Global)] {
+            let mut mask = convert::zeroed::<f32>(shapes.attended_keys(kind))?;
             let past = mask.len() - shapes.tokens;
             mask[..past].fill(HIDDEN);
             uploader.upload(context, buffer, &mask)?;

@@ -10,7 +10,7 @@ use super::plan::{PendingPlan, RingPlan, StepPlan};
 use super::rope::RopeTable;
 use super::transformer::{PassBinding, Transformer};
 use crate::Result;
-use crate::bundle::Precision;
+use crate::bundle::{LayerKind, Precision};
 use crate::runtime::{BindingId, BufferId, ExecutionContext};
 
 /// Inputs of the joined graph, and its bindings. In each input the finished latent comes first.
@@ -41,7 +41,7 @@ impl JoinedPass {
         x: [BufferId; 2],
         finished: BufferId,
     ) -> Result<Self> {
-        let mask_len = |global| JOINED_LATENTS * shapes.keys_with(global, JOINED_LATENTS);
+        let mask_len = |kind| JOINED_LATENTS * shapes.keys_with(kind, JOINED_LATENTS);
         let (angles, control_len) = (JOINED_LATENTS * shapes.rope_len(), JOINED_LATENTS * shapes.controls);
         let inputs = PassInputs::new(context, &shapes, precision, JOINED_LATENTS)?;
         let shared = joined.shared_buffers(context)?;
@@ -61,10 +61,10 @@ impl JoinedPass {
             controls,
             conditioning,
             reads_levels: joined.reads_levels(),
-            uploader: Uploader::new(precision, mask_len(false).max(mask_len(true)))?,
+            uploader: Uploader::new(precision, mask_len(LayerKind::Local).max(mask_len(LayerKind::Global)))?,
             rope: [convert::zeroed(angles)?, convert::zeroed(angles)?],
             controls_of_both: convert::zeroed(control_len)?,
-            masks: [convert::zeroed(mask_len(false))?, convert::zeroed(mask_len(true))?],
+            masks: [convert::zeroed(mask_len(LayerKind::Local))?, convert::zeroed(mask_len(LayerKind::Global))?],
         })
     }
 

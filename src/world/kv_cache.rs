@@ -3,7 +3,7 @@
 use super::graph_spec::Shapes;
 use super::world::World;
 use crate::Result;
-use crate::bundle::Precision;
+use crate::bundle::{LayerKind, Precision};
 use crate::runtime::{BufferId, ExecutionContext, RecordedCopiesId, RecordedCopy, Region, element_size};
 
 /// Keys or values: half of a layer's KV cache.
@@ -17,7 +17,7 @@ pub enum KvPart {
 
 /// The ring of K, or of V, of one layer.
 struct LayerRing {
-    global: bool,
+    kind: LayerKind,
     /// `[kv_heads, slots * T, head_width]`, bound as `past`.
     buffer: BufferId,
 }
@@ -62,25 +62,19 @@ impl KvCache {
         let mut rings = Vec::with_capacity(2 * shapes.layers);
         let mut slabs = Vec::with_capacity(2 * shapes.layers);
         for layer in 0..geometry.layers {
-            let global = geometry.is_global(layer);
+            let kind = geometry.layer_kind(layer);
             for _ in [KvPart::Keys, KvPart::Values] {
-                rings.push(LayerRing { global, buffer: context.buffer(shapes.ring_len(global) * element)? });
+                rings.push(LayerRing { kind, buffer: context.buffer(shapes.ring_len(kind) * element)? });
                 slabs.push(context.buffer(shapes.slab_len() * element)?);
             }
         }
-        let mut commits = |global: bool| {
-            let to_slot = |slot: usize| {
-                let selected = rings.iter().zip(&slabs).filter(|(ring, _)| ring.global == global);
-                let copy = |(ring, slab): (&LayerRing, &BufferId)| RecordedCopy {
-                    to: ring.buffer,
-                    from: *slab,
-                    regions: regions(&shapes, element, global, slot),
-                };
-                context.record_copies(selected.map(copy).collect())
-            };
-            (0..shapes.slot_count(global)).map(to_slot).collect::<Result<Vec<_>>>()
+        let mut commits = |kind| {
+            let slots = 0..shapes.slot_count(kind);
+            let record =
+                |slot| record_slot(context, (&shapes, element), &rings, &slabs, (kind, slot), Direction::ToRing);
+            slots.map(record).collect::<Result<Vec<_>>>()
         };
-        let commits = [commits(false)?, commits(true)?];
+        let commits = [commits(LayerKind::Local)?, commits(LayerKind::Global)?];
         let deferred =
             world.joined.is_some().then(|| DeferredCommits::new(context, shapes, element, &rings)).transpose()?;
         Ok(Self { rings, slabs, commits, deferred })
@@ -127,7 +121,7 @@ impl KvCache {
 
     /// Whether `buffer` is the ring of a global layer.
     pub(super) fn is_global_ring(&self, buffer: BufferId) -> bool {
-        self.rings.iter().any(|ring| ring.global && ring.buffer == buffer)
+        self.rings.iter().any(|ring| ring.kind == LayerKind::Global && ring.buffer == buffer)
     }
 
     /// Copies the slabs into ring slots, one for local and one for global layers (`None` leaves that kind unchanged), and runs the
@@ -140,11 +134,8 @@ impl KvCache {
         others: RecordedCopiesId,
     ) -> Result<()> {
         let [locals, globals] = &self.commits;
-        match (local.map(|slot| locals[slot]), global.map(|slot| globals[slot])) {
-            (Some(local), Some(global)) => context.run_copies(&[local, global, others]),
-            (Some(slot), None) | (None, Some(slot)) => context.run_copies(&[slot, others]),
-            (None, None) => context.run_copies(&[others]),
-        }
+        let slots = [local.map(|slot| locals[slot]), global.map(|slot| globals[slot]), Some(others)];
+        context.run_copies(&slots.into_iter().flatten().collect::<Vec<_>>())
     }
 }
 
@@ -168,44 +159,58 @@ impl DeferredCommits {
         let mut slabs_of_all =
             || -> Result<Vec<BufferId>> { rings.iter().map(|_| context.buffer(shapes.slab_len() * element)).collect() };
         let (slabs, backups) = (slabs_of_all()?, slabs_of_all()?);
-        let mut of_kind = |global: bool| {
-            let mut record = |from_ring: bool, slabs: &[BufferId], slot: usize| {
-                let selected = rings.iter().zip(slabs).filter(|(ring, _)| ring.global == global);
-                let copy = |(ring, slab): (&LayerRing, &BufferId)| {
-                    let to_ring = regions(&shapes, element, global, slot);
-                    let turned = |r: Region| Region { to: r.from, from: r.to, len: r.len };
-                    match from_ring {
-                        false => RecordedCopy { to: ring.buffer, from: *slab, regions: to_ring },
-                        true => RecordedCopy {
-                            to: *slab,
-                            from: ring.buffer,
-                            regions: to_ring.into_iter().map(turned).collect(),
-                        },
-                    }
-                };
-                context.record_copies(selected.map(copy).collect())
+        let mut of_kind = |kind| {
+            let mut record = |slabs: &[BufferId], slot, direction| {
+                record_slot(context, (&shapes, element), rings, slabs, (kind, slot), direction)
             };
-            (0..shapes.slot_count(global))
-                .map(|slot| {
-                    Ok(SlotCopies {
-                        back_up: record(true, &backups, slot)?,
-                        commit: record(false, &slabs, slot)?,
-                        undo: record(false, &backups, slot)?,
-                    })
+            let copies = |slot| {
+                Ok(SlotCopies {
+                    back_up: record(&backups, slot, Direction::FromRing)?,
+                    commit: record(&slabs, slot, Direction::ToRing)?,
+                    undo: record(&backups, slot, Direction::ToRing)?,
                 })
-                .collect::<Result<Vec<_>>>()
+            };
+            (0..shapes.slot_count(kind)).map(copies).collect::<Result<Vec<_>>>()
         };
-        let slots = [of_kind(false)?, of_kind(true)?];
+        let slots = [of_kind(LayerKind::Local)?, of_kind(LayerKind::Global)?];
         Ok(Self { slabs, slots })
     }
 }
 
-/// The copy regions from a slab to a ring's slot. Rings are heads-first, so each head is one region, and only the slab's bytes are
-/// copied.
-fn regions(shapes: &Shapes, element: usize, global: bool, slot: usize) -> Vec<Region> {
+/// Whether a slot is written or read.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Direction {
+    ToRing,
+    FromRing,
+}
+
+/// Records the copies between `slabs` and one slot of the rings of all layers of one kind. Rings are heads-first, so each head is one region, and only
+/// the slab's bytes are copied.
+fn record_slot(
+    context: &mut dyn ExecutionContext,
+    (shapes, element): (&Shapes, usize),
+    rings: &[LayerRing],
+    slabs: &[BufferId],
+    (kind, slot): (LayerKind, usize),
+    direction: Direction,
+) -> Result<RecordedCopiesId> {
     let len = shapes.tokens * shapes.head_width * element;
-    let to = |head| (head * shapes.slot_count(global) + slot) * len;
-    (0..shapes.kv_heads).map(|head| Region { to: to(head), from: head * len, len }).collect()
+    let region = |head| {
+        let (ring, slab) = ((head * shapes.slot_count(kind) + slot) * len, head * len);
+        match direction {
+            Direction::ToRing => Region { to: ring, from: slab, len },
+            Direction::FromRing => Region { to: slab, from: ring, len },
+        }
+    };
+    let selected = rings.iter().zip(slabs).filter(|(ring, _)| ring.kind == kind);
+    let copy = |(ring, &slab): (&LayerRing, &BufferId)| {
+        let (to, from) = match direction {
+            Direction::ToRing => (ring.buffer, slab),
+            Direction::FromRing => (slab, ring.buffer),
+        };
+        RecordedCopy { to, from, regions: (0..shapes.kv_heads).map(region).collect() }
+    };
+    context.record_copies(selected.map(copy).collect())
 }
 
 /// Copies slots of K or V of a global layer between rings of different sizes. `slots` are pairs of a source and a destination slot.

@@ -49,7 +49,7 @@ pub(crate) use latent_time::LatentTime;
 pub use noise::{NoiseKey, fill_noise};
 pub use operating_point::{
     CacheMode, Counts, GuidanceSource, MAX_INTERVAL, MAX_LATENT_RATE, MAX_PRESENTED_RATE, OperatingPoint, Presentation,
-    global_slots, parse_global_window,
+    parse_global_window,
 };
 pub use plan::{CachePass, PendingPlan, Planner, RingPlan, StepPlan};
 pub use preset::Preset;

@@ -2,7 +2,7 @@
 
 use super::graph_spec::Shapes;
 use crate::Result;
-use crate::bundle::Precision;
+use crate::bundle::{LayerKind, Precision};
 use crate::runtime::{BufferId, ExecutionContext, element_size};
 
 /// Inputs of a graph that runs `latents` latents at once.
@@ -32,8 +32,8 @@ impl PassInputs {
             rope_cos: buffer(latents * shapes.rope_len(), f32_size)?,
             rope_sin: buffer(latents * shapes.rope_len(), f32_size)?,
             controls: buffer(latents * shapes.controls, f32_size)?,
-            local_mask: buffer(latents * shapes.keys_with(false, latents), element)?,
-            global_mask: buffer(latents * shapes.keys_with(true, latents), element)?,
+            local_mask: buffer(latents * shapes.keys_with(LayerKind::Local, latents), element)?,
+            global_mask: buffer(latents * shapes.keys_with(LayerKind::Global, latents), element)?,
         })
     }
 

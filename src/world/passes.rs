@@ -12,7 +12,7 @@ use super::schedule::{MAX_POINTS, SigmaTable};
 use super::transformer::PassBinding;
 use super::world::World;
 use crate::Result;
-use crate::bundle::Precision;
+use crate::bundle::{LayerKind, Precision};
 use crate::runtime::{BindingId, BufferId, ExecutionContext, Region, element_size};
 
 /// The mask value of a hidden key: representable in f16, and far below any attention score.
@@ -89,11 +89,14 @@ impl Passes {
             x: convert::zeroed(shapes.latent_len())?,
             rope_cos: convert::zeroed(rope.len())?,
             rope_sin: convert::zeroed(rope.len())?,
-            local_mask: convert::zeroed(shapes.attended_keys(false))?,
-            global_mask: convert::zeroed(shapes.attended_keys(true))?,
+            local_mask: convert::zeroed(shapes.attended_keys(LayerKind::Local))?,
+            global_mask: convert::zeroed(shapes.attended_keys(LayerKind::Global))?,
             table: Vec::with_capacity(MAX_POINTS),
         };
-        let largest = shapes.latent_len().max(shapes.attended_keys(true)).max(shapes.attended_keys(false));
+        let largest = shapes
+            .latent_len()
+            .max(shapes.attended_keys(LayerKind::Global))
+            .max(shapes.attended_keys(LayerKind::Local));
         Ok(Self {
             shapes,
             precision,

@@ -11,7 +11,8 @@ use super::operating_point::{CacheMode, OperatingPoint};
 use super::schedule::SigmaTable;
 use super::transformer::{SharedConditioning, Transformer, TransformerSource};
 use crate::bundle::{
-    Bundle, ConditioningModels, GraphKind, Manifest, MemoryNeed, Passes, Precision, Processor, available_memory,
+    Bundle, ConditioningModels, GraphKind, LayerKind, Manifest, MemoryNeed, Passes, Precision, Processor,
+    available_memory,
 };
 use crate::runtime::{Device, DeviceKind, Graph};
 use crate::{Error, ErrorKind, Result};
@@ -356,10 +357,10 @@ impl World {
         self.manifest.picture.render.into()
     }
 
-    /// Bytes that a commit of one latent's K and V copies into the rings: local layers always, global ones if `global_too`.
-    pub fn slab_bytes(&self, global_too: bool) -> u64 {
+    /// Bytes that a commit of one latent's K and V copies into the rings of layers of these kinds.
+    pub fn slab_bytes(&self, kinds: &[LayerKind]) -> u64 {
         let geometry = &self.manifest.geometry;
-        let layers = (0..geometry.layers).filter(|&i| global_too || !geometry.is_global(i)).count();
+        let layers = (0..geometry.layers).filter(|&i| kinds.contains(&geometry.layer_kind(i))).count();
         let element = crate::runtime::element_size(self.precision);
         (layers * 2 * self.shapes.slab_len() * element) as u64
     }
@@ -369,7 +370,7 @@ impl World {
     pub fn concat_bytes_per_pass(&self) -> u64 {
         let geometry = &self.manifest.geometry;
         let numbers: usize = (0..geometry.layers)
-            .map(|i| 2 * (self.shapes.ring_len(geometry.is_global(i)) + self.shapes.slab_len()))
+            .map(|i| 2 * (self.shapes.ring_len(geometry.layer_kind(i)) + self.shapes.slab_len()))
             .sum();
         (numbers * crate::runtime::element_size(self.precision)) as u64
     }

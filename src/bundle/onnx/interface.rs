@@ -2,7 +2,7 @@
 
 use super::proto::{Dim, ValueInfo};
 use super::{CheckResult, DataType, Fault, Shape, quoted};
-use crate::bundle::{GraphKind, Manifest, Precision};
+use crate::bundle::{GraphKind, LayerKind, Manifest, Precision};
 
 /// Pictures per run of the autoencoder.
 const PICTURES: u32 = 4;
@@ -20,11 +20,11 @@ pub(super) struct Port {
 enum PortDim {
     Fixed(u32),
     Past {
-        global: bool,
+        kind: LayerKind,
     },
     /// Keys of the past and of the latents that a run is of.
     Keys {
-        global: bool,
+        kind: LayerKind,
         latents: u32,
     },
 }
@@ -33,10 +33,10 @@ impl PortDim {
     fn symbol(self) -> Option<&'static str> {
         match self {
             Self::Fixed(_) => None,
-            Self::Past { global: false } => Some("local_past"),
-            Self::Past { global: true } => Some("global_past"),
-            Self::Keys { global: false, .. } => Some("local_keys"),
-            Self::Keys { global: true, .. } => Some("global_keys"),
+            Self::Past { kind: LayerKind::Local } => Some("local_past"),
+            Self::Past { kind: LayerKind::Global } => Some("global_past"),
+            Self::Keys { kind: LayerKind::Local, .. } => Some("local_keys"),
+            Self::Keys { kind: LayerKind::Global, .. } => Some("global_keys"),
         }
     }
 }
@@ -78,9 +78,9 @@ impl Port {
         let geometry = &manifest.geometry;
         let length = |dim: &PortDim| match *dim {
             PortDim::Fixed(n) => u64::from(n),
-            PortDim::Past { global } => geometry.slot_count(global, g) * u64::from(geometry.tokens),
-            PortDim::Keys { global, latents } => {
-                (geometry.slot_count(global, g) + u64::from(latents)) * u64::from(geometry.tokens)
+            PortDim::Past { kind } => geometry.slot_count(kind, g) * u64::from(geometry.tokens),
+            PortDim::Keys { kind, latents } => {
+                (geometry.slot_count(kind, g) + u64::from(latents)) * u64::from(geometry.tokens)
             }
         };
         Shape { element: self.element, dims: self.dims.iter().map(length).collect() }
@@ -101,8 +101,8 @@ fn transformer(f: DataType, kind: GraphKind, m: &Manifest) -> Interface {
     let g = &m.geometry;
     let latents = kind.latents();
     let angles = [1, 1, latents * g.tokens, g.head_width / 2];
-    let mask = |name, global| {
-        let keys = PortDim::Keys { global, latents };
+    let mask = |name, kind| {
+        let keys = PortDim::Keys { kind, latents };
         Port::new(name, f, vec![PortDim::Fixed(1), PortDim::Fixed(latents), PortDim::Fixed(1), keys])
     };
     let controls = m.controls.mouse + m.controls.buttons + m.controls.scroll;
@@ -116,12 +116,12 @@ fn transformer(f: DataType, kind: GraphKind, m: &Manifest) -> Interface {
         Port::fixed("rope_cos", DataType::F32, &angles),
         Port::fixed("rope_sin", DataType::F32, &angles),
         Port::fixed("controls", DataType::F32, &[latents, controls]),
-        mask("local_mask", false),
-        mask("global_mask", true),
+        mask("local_mask", LayerKind::Local),
+        mask("global_mask", LayerKind::Global),
     ]);
     let mut outputs = vec![latent("x_next", f, m)];
     for i in 0..g.layers {
-        let past = PortDim::Past { global: g.is_global(i) };
+        let past = PortDim::Past { kind: g.layer_kind(i) };
         for part in ["k", "v"] {
             let dims = vec![PortDim::Fixed(1), PortDim::Fixed(g.kv_heads), past, PortDim::Fixed(g.head_width)];
             inputs.push(Port::new(format!("past.{i}.{part}"), f, dims));

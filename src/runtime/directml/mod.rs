@@ -80,7 +80,7 @@ impl DirectMlOptions {
 /// The backend of [`Device::directml`](super::Device::directml).
 pub(super) struct DirectMlBackend {
     ort: Ort,
-    gpu: Gpu,
+    pub(super) gpu: Gpu,
     device: DirectMlDevice,
     precision: Precision,
     kernels: Arc<context::Kernels>,
@@ -207,10 +207,6 @@ impl Backend for DirectMlBackend {
         Ok(Box::new(context::DirectMlContext::new(&self.gpu, &self.device, &self.kernels, limits)?))
     }
 
-    fn gpu(&self) -> Option<&Gpu> {
-        Some(&self.gpu)
-    }
-
     fn kind(&self) -> DeviceKind {
         DeviceKind::Direct3d12
     }
@@ -220,8 +216,8 @@ impl Backend for DirectMlBackend {
         Some(DeviceMemory { granted: budget.granted, used: budget.used })
     }
 
-    fn as_any(&self) -> &dyn std::any::Any {
-        self
+    fn directml(&self) -> Option<&DirectMlBackend> {
+        Some(self)
     }
 }
 

@@ -138,11 +138,6 @@ impl Backend for WebGpuBackend {
         self.plugin.memory_use()
     }
 
-    #[cfg(windows)]
-    fn as_any(&self) -> &dyn std::any::Any {
-        self
-    }
-
     fn graph(
         &self,
         what: &str,

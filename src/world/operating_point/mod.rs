@@ -157,7 +157,7 @@ impl OperatingPoint {
     /// window, or when a latent does not decode to a multiple of `pictures_per_latent`.
     pub fn check_for(&self, geometry: &Geometry) -> Result<()> {
         self.check()?;
-        global_slots(geometry, self.global_window)?;
+        geometry.check_window(self.global_window)?;
         let temporal = geometry.autoencoder.temporal;
         if temporal == 0 || !temporal.is_multiple_of(self.pictures_per_latent) {
             return Err(Error::new(
@@ -218,20 +218,6 @@ impl OperatingPoint {
             presented: duration.whole_steps(self.presented_rate()).saturating_add(1),
         }
     }
-}
-
-/// Buckets of a global layer at window `g`.
-///
-/// # Errors
-/// `InvalidArgument` when g is not a positive multiple of the dilation or exceeds the bundle's largest window.
-pub fn global_slots(geometry: &Geometry, g: u32) -> Result<u32> {
-    let (dilation, max) = (geometry.global.dilation, geometry.global.max_window);
-    if dilation == 0 || g == 0 || !g.is_multiple_of(dilation) || g > max {
-        return Err(Error::new(ErrorKind::InvalidArgument, format!("g{g} is no window of this world"))
-            .field("global_window")
-            .remedy(format!("Use a multiple of {dilation} up to {max}")));
-    }
-    Ok(g / dilation)
 }
 
 #[cfg(test)]

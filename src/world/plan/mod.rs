@@ -10,7 +10,7 @@ mod tests;
 use crate::bundle::{ControlCounts, Manifest};
 use crate::world::controls::ControlInput;
 use crate::world::noise::NoiseKey;
-use crate::world::operating_point::{CacheMode, OperatingPoint, global_slots};
+use crate::world::operating_point::{CacheMode, OperatingPoint};
 use crate::world::ring::Ring;
 use crate::world::schedule::SigmaTable;
 use crate::{Error, ErrorKind, Result};
@@ -158,7 +158,7 @@ impl Planner {
             prime: geometry.autoencoder.temporal - 1,
             clocks: Clocks::default(),
             local: Ring::new(geometry.local.window, 1)?,
-            global: Ring::new(global_slots(geometry, point.global_window)?, geometry.global.dilation)?,
+            global: Ring::new(point.global_window / geometry.global.dilation, geometry.global.dilation)?,
             pending: None,
         })
     }
@@ -385,11 +385,6 @@ impl Planner {
     /// The rollout's seed.
     pub fn seed(&self) -> u64 {
         self.seed
-    }
-
-    /// How generated latents commit.
-    pub fn cache_mode(&self) -> CacheMode {
-        self.cache_mode
     }
 
     /// Sets the noise levels of later plans.

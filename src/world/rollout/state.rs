@@ -18,8 +18,8 @@ use sha2::{Digest, Sha256};
 
 use super::Rollout;
 use super::limits::Limits;
-use crate::bundle::Precision;
 use crate::error::printable;
+use crate::runtime::all_finite;
 use crate::world::operating_point::OperatingPoint;
 use crate::world::plan::Planner;
 use crate::{Error, ErrorKind, Result};
@@ -195,14 +195,6 @@ fn split(state: &[u8]) -> Result<(&[u8], &[u8], &[u8])> {
 fn split_part(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let (len, rest) = bytes.split_first_chunk::<4>()?;
     rest.split_at_checked(u32::from_le_bytes(*len) as usize)
-}
-
-/// Whether all values of `bytes`, which may start at any address, are finite.
-fn all_finite(bytes: &[u8], precision: Precision) -> bool {
-    match precision {
-        Precision::F32 => bytes.as_chunks::<4>().0.iter().all(|b| f32::from_le_bytes(*b).is_finite()),
-        Precision::F16 => bytes.as_chunks::<2>().0.iter().all(|b| half::f16::from_le_bytes(*b).is_finite()),
-    }
 }
 
 fn damaged(why: &str) -> Error {
