@@ -8,7 +8,8 @@ use super::handles::{Handle, Kind, Object, destroy, enter, insert_to};
 use super::results::{AbiResult, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_OK, Failure, cairn_result};
 use super::structs::{Out, check_flags, check_out, check_zero, describe, read, slice, slice_mut};
 use crate::guidance::{DepthEncoding, DepthMap, Guidance, MotionField, MotionOrigin, Projection, paper, picture_flow};
-use crate::present::presenter::{MotionSource, extract};
+use crate::present::presenter::extract;
+use crate::world::GuidanceSource;
 
 /// Motion from the source with the best scores (docs/motion.md); today CAIRN_MOTION_PICTURES.
 pub const CAIRN_MOTION_AUTO: u32 = 0;
@@ -238,12 +239,12 @@ pub unsafe extern "C" fn cairn_guidance_destroy(guidance: *mut cairn_guidance) -
 }
 
 /// The source of motion of the header's number.
-pub(super) fn motion_source(number: u32, name: &str) -> AbiResult<MotionSource> {
+pub(super) fn motion_source(number: u32, name: &str) -> AbiResult<GuidanceSource> {
     match number {
-        CAIRN_MOTION_AUTO => Ok(MotionSource::BEST),
-        CAIRN_MOTION_PICTURES => Ok(MotionSource::PictureFlow),
-        CAIRN_MOTION_PAPER => Ok(MotionSource::Paper),
-        CAIRN_MOTION_LATENTS => Ok(MotionSource::LatentFlow),
+        CAIRN_MOTION_AUTO => Ok(GuidanceSource::BEST),
+        CAIRN_MOTION_PICTURES => Ok(GuidanceSource::PictureFlow),
+        CAIRN_MOTION_PAPER => Ok(GuidanceSource::Paper),
+        CAIRN_MOTION_LATENTS => Ok(GuidanceSource::LatentFlow),
         other => Err(Failure::argument(name, format!("{other} is no source of motion"))),
     }
 }

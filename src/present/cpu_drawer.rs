@@ -4,11 +4,11 @@ use std::time::Instant;
 
 use super::area::Area;
 use super::frame::{FrameKey, FramePlan, FrameRequest, FrameTimes};
-use super::motion::{Extractors, MotionSource};
+use super::motion::Extractors;
 use super::upscale::{Filter, Upscaler};
 use crate::framegen::{Anchor, AnchorId, AnchorPair, FrameGenerator, Outcome, Phases};
 use crate::guidance::{Guidance, paper};
-use crate::world::KeptAnchor;
+use crate::world::{GuidanceSource, KeptAnchor};
 use crate::{Error, ErrorKind, Picture, Result};
 
 /// Makes frames on the CPU; holds the generator and working memory.
@@ -151,7 +151,7 @@ impl CpuDrawer {
     /// Extracts motion and depth of the pair that ends with the anchor `id`, and stores them.
     fn extract(
         &mut self,
-        source: MotionSource,
+        source: GuidanceSource,
         previous: &KeptAnchor,
         current: &KeptAnchor,
         id: AnchorId,

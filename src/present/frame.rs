@@ -3,11 +3,10 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::motion::MotionSource;
 use super::pacing::{Due, DueFrame};
 use crate::framegen::AnchorId;
 use crate::guidance::Guidance;
-use crate::world::KeptAnchor;
+use crate::world::{GuidanceSource, KeptAnchor};
 
 /// Information about a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,7 +53,7 @@ pub(super) struct FrameRequest {
     /// The static overlay over the anchors.
     pub(super) overlay: Option<Arc<OverlayMask>>,
     /// Source of motion for anchors without guidance.
-    pub(super) motion: MotionSource,
+    pub(super) motion: GuidanceSource,
     /// Whether anchors keep their aspect ratio in frames of another.
     pub(super) letterbox: bool,
     /// Frames shown per anchor.

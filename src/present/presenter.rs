@@ -10,12 +10,12 @@ pub(crate) use super::frame::DrawMode;
 pub use super::frame::{FrameInfo, FrameSource};
 use super::frame::{FrameKey, FramePlan, FrameRequest, FrameTimes, OverlayMask, StreamAnchor};
 use super::frame_governor::FrameGovernor;
-pub use super::motion::{MotionSource, extract};
+pub use super::motion::extract;
 use super::pacing::{Due, DueFrame, Interval, Pacer, Pacing};
 pub use super::statistics::PresenterStatistics;
 use crate::framegen::{AnchorId, FrameGenerator, Outcome, Phases};
 use crate::guidance::Guidance;
-use crate::world::{self, KeptAnchor};
+use crate::world::{self, GuidanceSource, KeptAnchor};
 use crate::{Error, ErrorKind, Picture, Result};
 
 /// Options of a presenter.
@@ -40,7 +40,7 @@ pub struct PresenterOptions {
     /// Largest number of anchors that wait to become due.
     pub capacity: usize,
     /// Source of motion for anchors without guidance.
-    pub motion: MotionSource,
+    pub motion: GuidanceSource,
 }
 
 impl Default for PresenterOptions {
@@ -56,7 +56,7 @@ impl Default for PresenterOptions {
             size: None,
             letterbox: false,
             capacity: 4,
-            motion: MotionSource::PictureFlow,
+            motion: GuidanceSource::PictureFlow,
         }
     }
 }

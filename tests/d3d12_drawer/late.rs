@@ -1,6 +1,7 @@
 //! Unfinished work: lists that are submitted late, and anchors that the device has not finished.
 
 use super::*;
+use cairn::world::GuidanceSource;
 
 /// Records frames of three pairs of anchors in lists that an engine holds back until all are recorded, and then submits in the given
 /// `order`. Returns the number of wrong pixels of each frame.
@@ -8,7 +9,7 @@ fn wrong_pixels(order: impl Fn(&mut Vec<usize>)) -> Vec<usize> {
     let engine = Engine::create();
     let gpu = device_of(&engine, &engine.direct);
     let size = (96, 64);
-    let mut both = PresenterPair::new(&gpu, size, &options(MotionSource::PictureFlow));
+    let mut both = PresenterPair::new(&gpu, size, &options(GuidanceSource::PictureFlow));
     let mut held = Vec::new();
     for number in 0..4 {
         let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 2 + 3 * number), number, false));
@@ -103,7 +104,7 @@ fn an_unfinished_anchor_is_late_and_no_queue_waits_for_it() {
         std::thread::yield_now();
     }
     let latent = anchors[0].latent_shape();
-    for motion in [MotionSource::PictureFlow, MotionSource::Paper] {
+    for motion in [GuidanceSource::PictureFlow, GuidanceSource::Paper] {
         let mut both = PresenterPair::of_latents(&gpu, anchors[0].size(), &options(motion), latent);
         let _opens = OpensOnFailure(&gate);
         (0..2).for_each(|i| both.push(&anchors[i], None, i as u64 * INTERVAL));
@@ -126,7 +127,7 @@ fn an_unfinished_anchor_is_late_and_no_queue_waits_for_it() {
         }
         both.check();
         assert_eq!(waits::counted(), 0, "the engine's queue waits for nothing");
-        if motion == MotionSource::Paper {
+        if motion == GuidanceSource::Paper {
             // The anchor arrives, is due when the presenter notices it, and is shown then.
             gate.open();
             while !anchors[2].is_complete() {

@@ -9,9 +9,9 @@ use cairn::gpu::Target;
 use cairn::gpu::windows::Win32::Graphics::Direct3D12::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::guidance::{DepthMap, Guidance, MotionField, MotionOrigin, paper};
-use cairn::present::presenter::{FrameSource, MotionSource, PresenterOptions, extract};
+use cairn::present::presenter::{FrameSource, PresenterOptions, extract};
 use cairn::runtime::{Device, DirectMlOptions};
-use cairn::world::{KeptAnchor, World, WorldOptions};
+use cairn::world::{GuidanceSource, KeptAnchor, World, WorldOptions};
 use gpu_testing::high_dynamic_range;
 use gpu_testing::presenters::{
     INTERVAL, KINDS, PRESENT, PresenterPair, constant_motion, count_differences, device_of, moving, options, record,
@@ -44,10 +44,11 @@ fn frames_of_a_rollout_equal_the_processors() {
     // Motion that the device computes from latents, and motion that came with the anchors.
     let given: Vec<_> = anchors
         .windows(2)
-        .map(|pair| Arc::new(extract(MotionSource::PictureFlow, &pair[0], &pair[1]).expect("guidance")))
+        .map(|pair| Arc::new(extract(GuidanceSource::PictureFlow, &pair[0], &pair[1]).expect("guidance")))
         .collect();
     for is_given in [false, true] {
-        let mut both = PresenterPair::of_latents(&gpu, size, &options(MotionSource::Paper), anchors[0].latent_shape());
+        let mut both =
+            PresenterPair::of_latents(&gpu, size, &options(GuidanceSource::Paper), anchors[0].latent_shape());
         both.push(&anchors[0], None, 0);
         for (frame, kind) in (0..12).zip(KINDS.iter().cycle()) {
             let now = INTERVAL + frame * INTERVAL / 4;
@@ -80,7 +81,7 @@ fn optical_flow_runs_on_the_device() {
     let engine = Engine::create();
     let gpu = device_of(&engine, &engine.direct);
     let size = (96, 64);
-    let mut both = PresenterPair::new(&gpu, size, &options(MotionSource::PictureFlow));
+    let mut both = PresenterPair::new(&gpu, size, &options(GuidanceSource::PictureFlow));
     for number in 0..4 {
         let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 2 + number), number, false));
         both.push(&anchor, None, number * INTERVAL);
@@ -97,7 +98,7 @@ fn an_engines_motion_is_used_and_detected_cuts_are_counted() {
     let engine = Engine::create();
     let gpu = device_of(&engine, &engine.direct);
     let size = (75, 46);
-    let mut both = PresenterPair::new(&gpu, size, &options(MotionSource::PictureFlow));
+    let mut both = PresenterPair::new(&gpu, size, &options(GuidanceSource::PictureFlow));
     for number in 0..5 {
         let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false));
         // Tiled and per-pixel motion in turn, so that textures change.
@@ -155,7 +156,7 @@ fn frames_of_another_size_and_shape_are_scaled_on_the_device() {
     let size = (96, 64);
     for letterbox in [false, true] {
         let first = Some((150, 100));
-        let wanted = PresenterOptions { size: first, letterbox, ..options(MotionSource::PictureFlow) };
+        let wanted = PresenterOptions { size: first, letterbox, ..options(GuidanceSource::PictureFlow) };
         let mut both = PresenterPair::new(&gpu, size, &wanted);
         for number in 0..2 {
             let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false));
@@ -191,7 +192,7 @@ fn pixels_in_the_overlay_mask_are_static() {
     let ground = |x: usize, y: usize| {
         [((x * 37 + y * 101) % 200) as u8, ((x * 59 + y * 23) % 120 + 80) as u8, ((x * y + x) % 180) as u8, 255]
     };
-    let mut both = PresenterPair::new(&gpu, size, &options(MotionSource::PictureFlow));
+    let mut both = PresenterPair::new(&gpu, size, &options(GuidanceSource::PictureFlow));
     for number in 0..2 {
         let mut picture = Picture::new(size.0, size.1).expect("a picture");
         for (i, pixel) in picture.pixels_mut().iter_mut().enumerate() {
@@ -255,7 +256,7 @@ fn a_dropped_list_leaves_no_frame_that_is_copied_later() {
     let size = (75, 46);
     // At the generator's own size, and scaled.
     for frames in [None, Some((150, 92))] {
-        let mut both = PresenterPair::new(&gpu, size, &options(MotionSource::PictureFlow));
+        let mut both = PresenterPair::new(&gpu, size, &options(GuidanceSource::PictureFlow));
         for number in 0..2 {
             let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false));
             both.push(&anchor, (number > 0).then(|| constant_motion(size, 3.0)).as_ref(), number * INTERVAL);

@@ -22,12 +22,12 @@ use windows::Win32::Graphics::Direct3D12::{ID3D12GraphicsCommandList, ID3D12Reso
 
 use super::area::Area;
 use super::frame::{FrameKey, FramePlan, FrameRequest, FrameSource, FrameTimes};
-use super::motion::MotionSource;
 use crate::ffx::{Api, Choice, Version};
 use crate::framegen::shader;
 use crate::gpu::compute::picture_formats::{PictureFormat, target as format_of};
 use crate::gpu::compute::{CommandRing, GpuTimeStatistics, Output, ResourceWithState};
 use crate::gpu::{FencePoint, Gpu, Target, check_list};
+use crate::world::GuidanceSource;
 use crate::{Colours, Error, Result};
 use half_way::HalfWayGenerator;
 use inputs::{FrameInputs, in_common_state};
@@ -229,7 +229,7 @@ impl DeviceDrawer {
     pub(super) fn prepare(
         &mut self,
         preparation: &Preparation,
-        motion: MotionSource,
+        motion: GuidanceSource,
         letterbox: bool,
         brings_all: bool,
     ) -> Result<()> {

@@ -7,7 +7,7 @@ use windows::Win32::Graphics::Direct3D12::*;
 use windows::Win32::Graphics::Dxgi::Common::*;
 
 use super::super::frame::{FramePlan, FrameRequest, OverlayMask, StreamAnchor};
-use super::super::motion::{Extractors, MotionSource};
+use super::super::motion::Extractors;
 use super::inputs::{FrameInputs, OwnedGuidance, in_common_state, missing_input};
 use crate::framegen::AnchorId;
 use crate::framegen::densify::{DEPTH, MOTION};
@@ -16,7 +16,7 @@ use crate::gpu::compute::{CommandRecorder, CommandRing, FRAMES_IN_FLIGHT, GpuTim
 use crate::gpu::{Gpu, Heap, MappedBuffer, writable_texture};
 use crate::guidance::paper::LatentBuffer;
 use crate::guidance::{Guidance, MotionOrigin, paper, picture_flow};
-use crate::world::KeptAnchor;
+use crate::world::{GuidanceSource, KeptAnchor};
 use crate::{Error, ErrorKind, Result};
 
 /// Cached pictures: those of a pair, and of the anchors before and after it.
@@ -133,9 +133,9 @@ impl ResourceCache {
     ///
     /// # Errors
     /// `OutOfMemory`, `DeviceRemoved`, or `Device` when the driver refuses a shader.
-    pub(super) fn prepare(&mut self, source: MotionSource, latent: [u32; 3]) -> Result<()> {
+    pub(super) fn prepare(&mut self, source: GuidanceSource, latent: [u32; 3]) -> Result<()> {
         match source {
-            MotionSource::PictureFlow if self.picture_extractor.is_none() => {
+            GuidanceSource::PictureFlow if self.picture_extractor.is_none() => {
                 match picture_flow::GpuExtractor::new(&self.gpu, self.size) {
                     Ok(made) => self.picture_extractor = Some(made),
                     // The extractor on the CPU takes over.
@@ -143,7 +143,7 @@ impl ResourceCache {
                     Err(error) => return Err(error),
                 }
             }
-            MotionSource::Paper
+            GuidanceSource::Paper
                 if latent != [0; 3] && self.latent_extractor.as_ref().is_none_or(|(_, of)| *of != latent) =>
             {
                 let made = paper::GpuExtractor::new(&self.gpu, latent.map(|n| n as usize), false)?;
@@ -215,7 +215,7 @@ impl ResourceCache {
     /// Motion and depth from the anchor `current`, whose identity is `id`, back to the one before.
     fn guidance(
         &mut self,
-        motion: MotionSource,
+        motion: GuidanceSource,
         previous: Option<&StreamAnchor>,
         current: &StreamAnchor,
         id: AnchorId,
@@ -309,7 +309,7 @@ impl ResourceCache {
     /// Extracted motion and depth of a pair without guidance: on the device if possible, else on the CPU.
     fn extracted_guidance(
         &mut self,
-        source: MotionSource,
+        source: GuidanceSource,
         previous: &Arc<KeptAnchor>,
         current: &Arc<KeptAnchor>,
         id: AnchorId,
@@ -321,10 +321,10 @@ impl ResourceCache {
         };
         let key = GuidanceKey::Extracted(id);
         let is_extracted = match source {
-            MotionSource::PictureFlow => self.extract_from_pictures(at, previous, current)?,
-            MotionSource::Paper => self.extract_from_latents(at, previous, current)?,
+            GuidanceSource::PictureFlow => self.extract_from_pictures(at, previous, current)?,
+            GuidanceSource::Paper => self.extract_from_latents(at, previous, current)?,
             // A few cells: the CPU is done before a list would be.
-            MotionSource::LatentFlow => false,
+            GuidanceSource::LatentFlow => false,
         };
         if is_extracted {
             let pair = &mut self.pairs[at];

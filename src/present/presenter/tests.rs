@@ -5,6 +5,7 @@ use crate::framegen::GenerateReport;
 use crate::framegen::cpu::CpuGenerator;
 use crate::framegen::{Anchor, AnchorPair};
 use crate::guidance::paper;
+use crate::world::GuidanceSource;
 
 const MS: u64 = 1_000_000;
 const WIDTH: u32 = 48;
@@ -48,7 +49,7 @@ fn anchors_are_shown_unchanged_and_frames_between_them_come_from_the_generator()
     assert_eq!(&picture, anchors[0].picture().unwrap());
     let (shown, picture) = draw(&presenter, 90 * MS);
     assert_eq!((shown.source, shown.previous, shown.current, shown.t), (FrameSource::Generated, 0, 1, 0.5));
-    let guidance = extract(MotionSource::PictureFlow, &anchors[0], &anchors[1]).unwrap();
+    let guidance = extract(GuidanceSource::PictureFlow, &anchors[0], &anchors[1]).unwrap();
     let pair = AnchorPair::new(anchors[0].picture().unwrap(), anchors[1].picture().unwrap(), &guidance).unwrap();
     let mut expected = Picture::new(WIDTH, HEIGHT).unwrap();
     CpuGenerator::new().generate(&pair, 0.5, &mut expected).unwrap();
@@ -188,7 +189,7 @@ fn invalid_arguments_are_refused() {
     let field = |error: Error| error.offending_field().map(str::to_owned);
     let presenter = Presenter::new(PresenterOptions { interval: None, ..options() }, None).unwrap();
     assert_eq!(field(presenter.push(anchor(0, true), None, 0).unwrap_err()), Some("anchor".into()));
-    let presenter = self::presenter(PresenterOptions { motion: MotionSource::Paper, ..options() });
+    let presenter = self::presenter(PresenterOptions { motion: GuidanceSource::Paper, ..options() });
     presenter.push(anchor(0, true), None, 0).unwrap();
     let small = Arc::new(KeptAnchor::of_picture(Picture::new(8, 8).unwrap(), 1, false));
     assert_eq!(field(presenter.push(small, None, 0).unwrap_err()), Some("anchor".into()));

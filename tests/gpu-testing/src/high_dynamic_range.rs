@@ -8,8 +8,8 @@ use cairn::framegen::cpu::CpuGenerator;
 use cairn::gpu::Target;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::present::device::{DeviceDrawer, Preparation};
-use cairn::present::presenter::{MotionSource, Presenter};
-use cairn::world::KeptAnchor;
+use cairn::present::presenter::Presenter;
+use cairn::world::{GuidanceSource, KeptAnchor};
 use half::f16;
 
 use crate::engine::Engine;
@@ -42,7 +42,7 @@ pub fn compare(engine: &Engine) -> usize {
         (Colours::ScRgb { white_nits: 160.0 }, DXGI_FORMAT_R16G16B16A16_FLOAT),
     ] {
         let cpu: Option<Box<dyn FrameGenerator>> = Some(Box::new(CpuGenerator::new()));
-        let [host, device] = [cpu, None].map(|g| Presenter::new(options(MotionSource::PictureFlow), g).expect("one"));
+        let [host, device] = [cpu, None].map(|g| Presenter::new(options(GuidanceSource::PictureFlow), g).expect("one"));
         [&host, &device].into_iter().for_each(push);
         let mut drawer = DeviceDrawer::new(&gpu, size, colours).expect("a drawer");
         device.prepare(&mut drawer, &Preparation::new(size)).expect("it is prepared");

@@ -9,8 +9,8 @@ use cairn::gpu::{FencePoint, Gpu, Target};
 use cairn::guidance::{Guidance, paper};
 use cairn::present::device::{DeviceDrawer, FrameResult, Preparation};
 use cairn::present::pacing::Interval;
-use cairn::present::presenter::{FrameInfo, MotionSource, Presenter, PresenterOptions};
-use cairn::world::KeptAnchor;
+use cairn::present::presenter::{FrameInfo, Presenter, PresenterOptions};
+use cairn::world::{GuidanceSource, KeptAnchor};
 use cairn::{Colours, Picture};
 use half::f16;
 
@@ -21,7 +21,7 @@ use crate::textures::{self, Recording, TextureDesc};
 pub const INTERVAL: u64 = 80_000_000;
 
 /// Four frames per anchor.
-pub fn options(motion: MotionSource) -> PresenterOptions {
+pub fn options(motion: GuidanceSource) -> PresenterOptions {
     let interval = Some(Interval::of_ns(INTERVAL).expect("an interval"));
     PresenterOptions { interval, multiplier: 4, motion, ..PresenterOptions::default() }
 }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use cairn::framegen::device::DeviceGenerator;
 use cairn::gpu::Gpu;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::DXGI_FORMAT_R16G16_FLOAT;
-use cairn::present::presenter::{MotionSource, PresenterOptions};
-use cairn::world::KeptAnchor;
+use cairn::present::presenter::PresenterOptions;
+use cairn::world::{GuidanceSource, KeptAnchor};
 use gpu_testing::engine::Engine;
 use gpu_testing::flow::{self, Extraction};
 use gpu_testing::frame_cases::Random;
@@ -107,7 +107,7 @@ pub(super) fn formats(settings: &Settings) -> Checked {
 pub(super) fn compare_formats(engine: &Engine, is_quick: bool) -> (usize, usize) {
     let gpu = gpu_testing::presenters::device_of(engine, &engine.direct);
     let size = (96, 64);
-    let mut own = PresenterPair::new(&gpu, size, &options(MotionSource::PictureFlow));
+    let mut own = PresenterPair::new(&gpu, size, &options(GuidanceSource::PictureFlow));
     for number in 0..if is_quick { 2 } else { 4 } {
         let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 2 + number), number, false));
         own.push(&anchor, None, number * INTERVAL);
@@ -117,7 +117,7 @@ pub(super) fn compare_formats(engine: &Engine, is_quick: bool) -> (usize, usize)
         }
     }
     own.check();
-    let wanted = PresenterOptions { size: Some((150, 100)), letterbox: true, ..options(MotionSource::PictureFlow) };
+    let wanted = PresenterOptions { size: Some((150, 100)), letterbox: true, ..options(GuidanceSource::PictureFlow) };
     let mut scaled = PresenterPair::new(&gpu, size, &wanted);
     for number in 0..2 {
         let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false));

@@ -14,9 +14,9 @@ use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::{Gpu, Target};
 use cairn::guidance::{MotionOrigin, paper};
 use cairn::present::device::{DeviceDrawer, Preparation};
-use cairn::present::presenter::{MotionSource, Presenter};
+use cairn::present::presenter::Presenter;
 use cairn::runtime::{Device, DirectMlOptions, Ort};
-use cairn::world::{ControlInput, DeviceTimes, KeptAnchor, World};
+use cairn::world::{ControlInput, DeviceTimes, GuidanceSource, KeptAnchor, World};
 use cairn::{Colours, Picture};
 use gpu_testing::blend::{Blend, Clock};
 use gpu_testing::engine::Engine;
@@ -263,7 +263,7 @@ pub(super) fn first_frame(settings: &Settings) -> Checked {
     let gpu = settings.gpu()?;
     let engine = Engine::of(&gpu);
     let (name, size) = sizes(settings, &gpu)[0];
-    let presenter = Presenter::new(options(MotionSource::PictureFlow), None)?;
+    let presenter = Presenter::new(options(GuidanceSource::PictureFlow), None)?;
     let push = |number: u64| -> cairn::Result<bool> {
         let anchor = Arc::new(KeptAnchor::of_picture(moving(size, number, 3), number, false));
         presenter.push(anchor, (number > 0).then(|| constant_motion(size, 3.0)), number * INTERVAL)

@@ -12,8 +12,8 @@ use cairn::gpu::windows::Win32::Graphics::Dxgi::Common::*;
 use cairn::gpu::windows::Win32::Graphics::Dxgi::*;
 use cairn::gpu::windows::core::Interface as _;
 use cairn::present::device::{DeviceDrawer, Preparation};
-use cairn::present::presenter::{MotionSource, Presenter};
-use cairn::world::KeptAnchor;
+use cairn::present::presenter::Presenter;
+use cairn::world::{GuidanceSource, KeptAnchor};
 use gpu_testing::presenters::{INTERVAL, constant_motion, options};
 
 use super::times::{figures_of, place_at, statistics};
@@ -106,7 +106,7 @@ pub(super) fn presents(settings: &Settings) -> Checked {
     let no_display = |what: String| Finding::cannot_tell(what, "Run it in a session with a display");
     let window = Window::open().ok_or_else(|| no_display("No window can be opened".to_owned()))?;
     let chain = swap_chain(&gpu, &window).map_err(|e| no_display(format!("The window has no swap chain: {e}")))?;
-    let presenter = Presenter::new(options(MotionSource::PictureFlow), None)?;
+    let presenter = Presenter::new(options(GuidanceSource::PictureFlow), None)?;
     let mut drawer = DeviceDrawer::new(&gpu, SIZE, Colours::Srgb)?;
     presenter.prepare(&mut drawer, &Preparation::new(SIZE))?;
     let push = |number: u64, now: u64| -> cairn::Result<bool> {

@@ -4,9 +4,11 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use cairn::bundle::Bundle;
-use cairn::present::presenter::{MotionSource, extract};
+use cairn::present::presenter::extract;
 use cairn::world::World;
-use cairn::world::{ControlInput, KeptAnchor, Key, KeySet, OperatingPoint, Rollout, ScriptRecorder, WorldOptions};
+use cairn::world::{
+    ControlInput, GuidanceSource, KeptAnchor, Key, KeySet, OperatingPoint, Rollout, ScriptRecorder, WorldOptions,
+};
 use cairn::{Error, ErrorKind, Result};
 use parking_lot::{Condvar, Mutex};
 use scenes::Family;
@@ -209,7 +211,7 @@ impl Stepper<'_> {
             walk.digest.update(value.to_le_bytes());
         }
         let guidance = match last {
-            Some(last) => Some(Arc::new(extract(MotionSource::BEST, &last.anchor, &anchor)?)),
+            Some(last) => Some(Arc::new(extract(GuidanceSource::BEST, &last.anchor, &anchor)?)),
             None => None,
         };
         let anchor = GuidedAnchor { anchor, guidance };
