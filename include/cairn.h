@@ -755,7 +755,9 @@ typedef struct cairn_world_memory {
      * Weights as ONNX Runtime holds them, and those that the world keeps in the host's memory for noise levels that it has not seen yet.
      */
     uint64_t weights;
-    /** Keys and values of one rollout's ring. Each further rollout needs this and the slabs. */
+    /**
+     * Keys and values of one rollout's ring. Each further rollout needs this, the slabs, and a part of the intermediate values.
+     */
     uint64_t ring;
     /** Keys and values of the current latent. */
     uint64_t slabs;
@@ -1749,7 +1751,7 @@ CAIRN_API cairn_result cairn_presenter_query(const cairn_presenter *presenter, u
  * Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY.
  * Results: CAIRN_OK; CAIRN_NOT_READY before the first anchor has arrived; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also
  * if CAIRN_MOTION_PAPER or CAIRN_MOTION_LATENTS is used with an anchor without a latent; CAIRN_ERROR_STRUCT_SIZE; CAIRN_ERROR_BUSY;
- * CAIRN_ERROR_OUT_OF_MEMORY.
+ * CAIRN_ERROR_OUT_OF_MEMORY; CAIRN_ERROR_UNSUPPORTED if the options require a generator for Direct3D 12.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_presenter_draw(
@@ -1779,7 +1781,7 @@ CAIRN_API cairn_result cairn_presenter_resize(const cairn_presenter *presenter, 
  * Ownership: on success the mask is copied; on failure it is not.
  * Threads: any thread, at any time, also while a frame is drawn.
  * Results: CAIRN_OK; CAIRN_ERROR_INVALID_HANDLE; CAIRN_ERROR_INVALID_ARGUMENT, also for another size than that of the anchors that
- * have arrived; CAIRN_ERROR_OUT_OF_MEMORY.
+ * were pushed; CAIRN_ERROR_OUT_OF_MEMORY.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_presenter_set_overlay(
@@ -2136,7 +2138,7 @@ typedef struct cairn_rollout_statistics {
     uint32_t governed_passes;
     /** The global window from now on. */
     uint32_t governed_window;
-    /** Frames generated per anchor. */
+    /** Different frames shown per anchor, the anchor included. */
     uint32_t governed_made;
     /** 0 */
     uint32_t reserved;
@@ -2202,8 +2204,8 @@ typedef struct cairn_presenter_statistics {
     /** Time of the longest of these lists, in nanoseconds of the device's clock. */
     uint64_t device_list_longest_ns;
     /**
-     * Frames generated per anchor under a budget of cairn_presenter_set_budget; the others repeat the previous one. 0 if there never was a
-     * budget.
+     * Different frames shown per anchor, the anchor included, under a budget of cairn_presenter_set_budget; the others repeat the previous
+     * one. 0 if there never was a budget.
      */
     uint32_t made_to_anchor;
     /** How often that number has changed. */
@@ -2537,7 +2539,7 @@ CAIRN_API cairn_result cairn_presenter_record_d3d12(
  * Ownership: target stays the caller's; on success *fence has one more reference, which the caller releases, and frame is filled;
  * on failure nothing is written and no frame was submitted.
  * Threads: one call at a time; a concurrent one gets CAIRN_ERROR_BUSY. The queue may be used by others at the same time.
- * Results: CAIRN_OK; CAIRN_NOT_READY, and the errors of cairn_presenter_record_d3d12.
+ * Results: CAIRN_OK; CAIRN_NOT_READY, CAIRN_QUEUE_FULL and the errors, as of cairn_presenter_record_d3d12.
  * Since: 0.1.0
  */
 CAIRN_API cairn_result cairn_presenter_submit_d3d12(
