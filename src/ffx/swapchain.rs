@@ -119,6 +119,9 @@ impl<Head: Creates> Pacer for Context<Head> {
     }
 }
 
+/// State of the inputs while AMD's library reads them.
+const INPUT: ResourceState = ResourceState::COMPUTE_READ;
+
 impl Swapchain {
     /// Creates AMD's swap chain on `gpu`. The frame queue of `gpu` must be the direct queue that the engine draws on.
     ///
@@ -288,55 +291,11 @@ impl Swapchain {
     ) -> Result<()> {
         check_list(&self.gpu, list)?;
         let made = *self.generator.as_ref().ok_or_else(no_generator)?.creation();
-        let (size, format) = self.buffers()?;
-        let changed = |why| {
-            Err(Error::new(ErrorKind::InvalidState, why).field("swapchain").remedy("Call fit after ResizeBuffers"))
-        };
-        if !same_size(size, made.display_size) {
-            let (of, now) = (made.display_size, size);
-            return changed(format!(
-                "it was {} x {} pixels and is {} x {}",
-                of.width, of.height, now.width, now.height
-            ));
-        }
-        if format != made.back_buffer_format {
-            return changed("its buffers have another format now".to_owned());
-        }
-        const INPUT: ResourceState = ResourceState::COMPUTE_READ;
-        let check_and_describe = |given: &ResourceWithState<'_>, size, field: &str, state| {
-            picture(&self.gpu, given, size, field).map(|()| Resource::of(given.resource, state))
-        };
+        self.check_buffers(&made)?;
         let motion_size = motion_size_at(&made, params.render_size);
-        let depth = check_and_describe(&pictures.depth, params.render_size, "depth", INPUT)?;
-        check_and_describe(&pictures.motion, motion_size, "motion", INPUT)?;
-        let describe = |given: &ResourceWithState<'_>, field: &str| {
-            let state = ResourceState::from_d3d12(given.state.0.cast_unsigned());
-            let state = state.ok_or_else(|| {
-                Error::new(ErrorKind::InvalidArgument, "AMD's swap chain has no word for its state").field(field)
-            })?;
-            if made.flags.contains(CreateFlags::ASYNC_WORKLOAD) && !compute_queue_knows(given.state) {
-                let why = "with asynchronous work it is read on a compute queue, which does not know this state";
-                return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
-            }
-            check_and_describe(given, size, field, state)
-        };
-        // `Present` reads these later, in the states that were given with them.
-        let optional = |given: &Option<ResourceWithState<'_>>, field: &str| {
-            given.as_ref().map_or(Ok(Resource::default()), |given| describe(given, field))
-        };
-        let (hudless, distortion) =
-            (optional(&pictures.hudless, "hudless")?, optional(&pictures.distortion, "distortion")?);
+        let mut request = self.request(list, pictures, params)?;
         self.motion.prepare(&self.gpu, &pictures.motion, motion_size)?;
-        let request = Frame {
-            command_list: list.as_raw(),
-            color: Resource::default(),
-            output: Resource::default(),
-            depth,
-            motion: Resource::of(self.motion.texture(), INPUT),
-            hudless,
-            distortion,
-            params: *params,
-        };
+        request.motion = Resource::of(self.motion.texture(), INPUT);
         // Before anything is recorded.
         self.generator.as_ref().ok_or_else(no_generator)?.check_presented(&request)?;
         // AMD's swap chain forgets a copied interface within `Present` (`copyUiResource` in its published source).
@@ -379,6 +338,68 @@ impl Swapchain {
         let now = [pictures.hudless, pictures.distortion].map(|given| given.map(|given| given.resource.clone()));
         self.read_later = [now, last];
         Ok(())
+    }
+
+    /// Checks that the buffers are those that the generator was made for.
+    fn check_buffers(&self, made: &CreateFrameGeneration) -> Result<()> {
+        let (size, format) = self.buffers()?;
+        let changed = |why| {
+            Err(Error::new(ErrorKind::InvalidState, why).field("swapchain").remedy("Call fit after ResizeBuffers"))
+        };
+        if !same_size(size, made.display_size) {
+            let (of, now) = (made.display_size, size);
+            return changed(format!(
+                "it was {} x {} pixels and is {} x {}",
+                of.width, of.height, now.width, now.height
+            ));
+        }
+        if format != made.back_buffer_format {
+            return changed("its buffers have another format now".to_owned());
+        }
+        Ok(())
+    }
+
+    /// The frame that AMD's library gets, without its motion. Motion is checked as well.
+    fn request(
+        &self,
+        list: &ID3D12GraphicsCommandList,
+        pictures: &FrameTextures<'_>,
+        params: &FrameParams,
+    ) -> Result<Frame> {
+        let made = *self.generator.as_ref().ok_or_else(no_generator)?.creation();
+        let check_and_describe = |given: &ResourceWithState<'_>, size, field: &str, state| {
+            picture(&self.gpu, given, size, field).map(|()| Resource::of(given.resource, state))
+        };
+        let motion_size = motion_size_at(&made, params.render_size);
+        let depth = check_and_describe(&pictures.depth, params.render_size, "depth", INPUT)?;
+        check_and_describe(&pictures.motion, motion_size, "motion", INPUT)?;
+        let describe = |given: &ResourceWithState<'_>, field: &str| {
+            let state = ResourceState::from_d3d12(given.state.0.cast_unsigned());
+            let state = state.ok_or_else(|| {
+                Error::new(ErrorKind::InvalidArgument, "AMD's swap chain has no word for its state").field(field)
+            })?;
+            if made.flags.contains(CreateFlags::ASYNC_WORKLOAD) && !compute_queue_knows(given.state) {
+                let why = "with asynchronous work it is read on a compute queue, which does not know this state";
+                return Err(Error::new(ErrorKind::InvalidArgument, why).field(field));
+            }
+            check_and_describe(given, made.display_size, field, state)
+        };
+        // `Present` reads these later, in the states that were given with them.
+        let optional = |given: &Option<ResourceWithState<'_>>, field: &str| {
+            given.as_ref().map_or(Ok(Resource::default()), |given| describe(given, field))
+        };
+        let (hudless, distortion) =
+            (optional(&pictures.hudless, "hudless")?, optional(&pictures.distortion, "distortion")?);
+        Ok(Frame {
+            command_list: list.as_raw(),
+            color: Resource::default(),
+            output: Resource::default(),
+            depth,
+            motion: Resource::default(),
+            hudless,
+            distortion,
+            params: *params,
+        })
     }
 
     /// Stops generating: frames are presented unchanged until one is prepared again.

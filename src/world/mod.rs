@@ -18,6 +18,7 @@ mod joined_pass;
 mod kv_cache;
 mod latent_budget;
 mod latent_time;
+mod loading;
 mod missing_operator;
 mod noise;
 mod operating_point;

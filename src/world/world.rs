@@ -1,20 +1,17 @@
 //! A world: a bundle loaded on one device, shared by its rollouts.
 
-use std::cell::Cell;
 use std::sync::Arc;
 use std::time::Duration;
 
 use super::graph_spec::{self, GraphSpec, Shapes};
 use super::half_precision::{HalfPrecision, Reference};
+use super::loading::{MemoryFit, SessionProgress, Transformers, load_transformers};
 use super::missing_operator;
 use super::operating_point::{CacheMode, OperatingPoint};
 use super::schedule::SigmaTable;
-use super::transformer::{SharedConditioning, Transformer, TransformerSource};
-use crate::bundle::{
-    Bundle, ConditioningModels, GraphKind, LayerKind, Manifest, MemoryNeed, Passes, Precision, Processor,
-    available_memory,
-};
-use crate::runtime::{Device, DeviceKind, Graph};
+use super::transformer::{Transformer, TransformerSource};
+use crate::bundle::{Bundle, GraphKind, LayerKind, Manifest, MemoryNeed, Precision, available_memory};
+use crate::runtime::{Device, Graph};
 use crate::{Error, ErrorKind, Result};
 
 /// How a bundle is loaded.
@@ -88,8 +85,8 @@ impl World {
     /// afterwards.
     ///
     /// # Errors
-    /// `InvalidArgument` for a global window that the bundle does not support, and for a number of slices that the transformer cannot have; `Unsupported` for a precision that it does not
-    /// contain, for weights of fewer than 16 bits that the device's provider has no operator for, and for a bundle that f16 is not enough for if
+    /// `InvalidArgument` for a global window that the bundle does not support, and for a number of slices that the transformer cannot have;
+    /// `Unsupported` for a precision that it does not contain, for weights of fewer than 16 bits that the device's provider has no operator for, and for a bundle that f16 is not enough for if
     /// that is checked, with the tensor or layer; `OutOfMemory`, with figures, when it does not fit; `InvalidBundle` when the graphs contradict
     /// the manifest; `Device` when ONNX Runtime refuses a graph.
     pub fn load(device: &Device, bundle: &Arc<Bundle>, options: WorldOptions) -> Result<Arc<World>> {
@@ -116,102 +113,46 @@ impl World {
                 .field("precision")
                 .remedy("Use another precision, or build the bundle with it"));
         }
-        let global_window = options.global_window.unwrap_or(geometry.global.window);
         if options.joined && (options.slices.is_some_and(|slices| slices > 1) || options.longest_submission.is_some()) {
             return Err(Error::new(ErrorKind::InvalidArgument, "joined passes are not divided into slices")
                 .field("joined")
                 .remedy("Load it without a limit on submissions and in one slice, or without joined passes"));
         }
-        let processor = if device.is_gpu() { Processor::Gpu } else { Processor::Cpu };
-        // Of an f32 graph no weight is a session's input: it casts all of them.
-        let shared_weights = device.kind() == DeviceKind::Direct3d12 && precision == Precision::F16;
-        let passes_in = |slices| match options.joined {
-            true => Passes::Joined { shared_weights },
-            false => Passes::Slices(slices),
-        };
-        let fits_in = |precision, g: u32, passes: Passes| {
-            let need = bundle.memory_need_in(precision, processor, g, passes)?;
-            // Available memory already excludes the loaded bundle.
-            let limit = options.memory_limit.or_else(|| Some(available_memory()?.saturating_add(need.bundle)));
-            limit.map_or(Ok(()), |limit| need.check_fits(limit))?;
-            device.available_memory().map_or(Ok(()), |available| need.check_fits_on_device(available))?;
-            Ok(need)
-        };
-        let fits = |g: u32| fits_in(precision, g, passes_in(options.slices.unwrap_or(1)));
-        let (global_window, mut need) = match options.fit_window {
-            true => widest(global_window, geometry.global.dilation, fits)?,
-            false => (global_window, fits(global_window)?),
-        };
-
+        let memory = MemoryFit { device, bundle, options: &options, precision };
+        let (global_window, mut need) = memory.window()?;
         let shapes = Shapes::new(manifest, global_window);
         let is_checked = options.check_precision && precision == Precision::F16;
         // Encoder, decoder, and what the transformer and the check add.
         let others = 2 + u64::from(is_checked) + u64::from(options.joined);
-        let sessions = Cell::new(others + u64::from(options.slices.unwrap_or(1)));
-        let proceed = || proceed(sessions.get());
+        let progress = SessionProgress::new(others + u64::from(options.slices.unwrap_or(1)), proceed);
         let explain = |error| missing_operator::explain(error, manifest, &device.describe());
         let reference = match is_checked {
             true => {
-                fits_in(Precision::F32, geometry.global.dilation, Passes::Whole).map_err(|error| {
-                    let remedy =
-                        "Free memory, or load it without the check, which holds the f32 transformer for a while";
-                    error.field("check_precision").remedy(remedy)
-                })?;
-                proceed()?;
+                memory.check_reference()?;
+                progress.next()?;
                 Some(Reference::make(device, bundle).map_err(explain)?)
             }
             false => None,
         };
-        let graph = |kind, what, spec: GraphSpec| {
-            proceed()?;
-            let made = device.graph(what, &bundle.model(kind, precision)?, &[], spec.inputs, spec.outputs, None);
-            made.map_err(explain)
-        };
         let source = TransformerSource { device, bundle, precision, shapes: &shapes, global_window };
-        // All conditioning first, so that the weights of what depends on noise levels are gone from the device before those of the passes are there.
-        let models = source.conditioning_models(GraphKind::Transformer)?;
-        let joined_models = options.joined.then(|| source.conditioning_models(GraphKind::Joined)).transpose()?;
-        let count = |models: &ConditioningModels| {
-            u64::from(models.of_levels.is_some()) + u64::from(models.of_controls.is_some())
-        };
-        sessions.set(sessions.get() + count(&models) + joined_models.as_ref().map_or(0, count));
-        let load = |kind, models, shared: &SharedConditioning| {
-            source.load_conditioning(kind, models, shared, &proceed).map_err(explain)
-        };
-        let conditioning = load(GraphKind::Transformer, &models, &SharedConditioning::default())?;
-        let of_joined = joined_models.as_ref().map(|models| load(GraphKind::Joined, models, &conditioning));
-        let of_joined = of_joined.transpose()?;
-        let (transformer, longest_slice) = match (options.slices, options.longest_submission) {
-            (None, Some(limit)) => {
-                let fits = |slices| fits_in(precision, global_window, passes_in(slices)).is_ok();
-                let counted = Cell::new(1);
-                let proceed = |slices: u32| {
-                    // Sessions of the transformer in fewer slices were made as well.
-                    if counted.replace(slices) != slices {
-                        sessions.set(sessions.get() + u64::from(slices));
-                    }
-                    proceed()
-                };
-                let (transformer, longest) =
-                    source.load_within(limit, &conditioning, &fits, &proceed).map_err(explain)?;
-                need = fits_in(precision, global_window, passes_in(transformer.slices()))?;
-                (transformer, Some(longest))
-            }
-            (slices, _) => (source.load(slices.unwrap_or(1), &conditioning, &proceed).map_err(explain)?, None),
-        };
-        let joined = of_joined.map(|conditioning| {
-            proceed()?;
-            source.load_joined(&transformer, &conditioning).map_err(explain)
-        });
-        let joined = joined.transpose()?;
+        let Transformers { transformer, joined, longest_slice } =
+            load_transformers(&source, &memory, &progress).map_err(explain)?;
+        if longest_slice.is_some() {
+            need = memory.check(precision, global_window, memory.passes(transformer.slices()))?;
+        }
         let half_precision = reference.map(|made| made.compare(device, &transformer, manifest, &shapes)).transpose()?;
         if let Some(found) = &half_precision {
             log::info!("f16 beside f32 on {}: {found:?}", device.describe());
             found.check()?;
         }
+        let graph = |kind, what, spec: GraphSpec| {
+            progress.next()?;
+            let made = device.graph(what, &bundle.model(kind, precision)?, &[], spec.inputs, spec.outputs, None);
+            made.map_err(explain)
+        };
         let encoder = graph(GraphKind::Encoder, "encoder", graph_spec::encoder(geometry, &shapes, precision))?;
         let decoder = graph(GraphKind::Decoder, "decoder", graph_spec::decoder(geometry, &shapes, precision))?;
-        proceed()?;
+        progress.next()?;
         Ok(Arc::new(World {
             device: device.clone(),
             manifest: manifest.clone(),
@@ -386,53 +327,5 @@ impl std::fmt::Debug for World {
             self.precision,
             self.device.describe()
         )
-    }
-}
-
-/// The widest window up to `wanted`, in steps of the dilation, that fits, and the result of `fits` for it. A wider window never needs
-/// less memory, so the windows are bisected.
-fn widest<T>(wanted: u32, dilation: u32, fits: impl Fn(u32) -> Result<T>) -> Result<(u32, T)> {
-    let too_wide = |e: &Error| e.kind() == ErrorKind::OutOfMemory;
-    let refused = match fits(wanted) {
-        Err(e) if too_wide(&e) && dilation > 0 && wanted > dilation => e,
-        found => return found.map(|found| (wanted, found)),
-    };
-    // If even the narrowest window does not fit, none does.
-    let mut best = match fits(dilation) {
-        Err(e) if too_wide(&e) => return Err(refused),
-        found => (dilation, found?),
-    };
-    let (mut low, mut high) = (1, wanted / dilation);
-    while high - low > 1 {
-        let middle = low + (high - low) / 2;
-        match fits(middle * dilation) {
-            Err(e) if too_wide(&e) => high = middle,
-            found => (low, best) = (middle, (middle * dilation, found?)),
-        }
-    }
-    Ok(best)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_widest_window_that_fits_is_found() {
-        let limited_to = |widest: u32| {
-            move |g: u32| match g {
-                g if g > widest => Err(Error::new(ErrorKind::OutOfMemory, format!("g{g}"))),
-                g => Ok(2 * g),
-            }
-        };
-        for (wanted, limit, expected) in
-            [(512, 600, 512), (512, 511, 504), (512, 100, 96), (512, 8, 8), (8, 8, 8), (16, 15, 8)]
-        {
-            assert_eq!(widest(wanted, 8, limited_to(limit)).unwrap(), (expected, 2 * expected), "{wanted} of {limit}");
-        }
-        // The error is the one of the requested window.
-        assert_eq!(widest(64, 8, limited_to(7)).unwrap_err().cause(), "g64");
-        let failing = |_: u32| Err::<u32, _>(Error::new(ErrorKind::Device, "lost"));
-        assert_eq!(widest(64, 8, failing).unwrap_err().kind(), ErrorKind::Device);
     }
 }
