@@ -40,6 +40,7 @@ pub mod tasks;
 #[doc(hidden)]
 pub mod locks;
 
+mod allocate;
 mod error;
 mod gpu_time;
 mod libraries;

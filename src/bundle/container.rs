@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use super::archive::{self, Entry};
 use super::{MANIFEST_NAME, damaged, names};
-use crate::{Error, ErrorKind, Result};
+use crate::{Error, ErrorKind, Result, allocate};
 
 /// Read size: small enough for frequent progress reports and prompt cancellation.
 const CHUNK: usize = 1 << 20;
@@ -43,12 +43,16 @@ impl Container {
         let entries = archive::directory(&mut Cursor::new(&bytes), bytes.len() as u64)?;
         let mut files = BTreeMap::new();
         for (name, entry) in entries {
-            let slice = |all: &'static [u8]| entry.range().and_then(|range| all.get(range)).map(Cow::Borrowed);
+            let outside = || damaged(&name, "the entry lies outside the archive");
             let part = match &bytes {
-                Cow::Borrowed(all) => slice(all),
-                Cow::Owned(all) => entry.range().and_then(|range| all.get(range)).map(|part| Cow::Owned(part.to_vec())),
+                Cow::Borrowed(all) => {
+                    Cow::Borrowed(entry.range().and_then(|range| all.get(range)).ok_or_else(outside)?)
+                }
+                Cow::Owned(all) => {
+                    let part = entry.range().and_then(|range| all.get(range)).ok_or_else(outside)?;
+                    Cow::Owned(allocate::copy_of(part)?)
+                }
             };
-            let part = part.ok_or_else(|| damaged(&name, "the entry lies outside the archive"))?;
             if name == MANIFEST_NAME {
                 archive::check_manifest(&part, &entry)?;
             }

@@ -1,6 +1,7 @@
 //! The depth map, and conversion of a host's depth.
 
-use super::{tile_count, vec_of};
+use super::tile_count;
+use crate::allocate;
 use crate::{Error, ErrorKind, Result};
 
 /// The camera that device depth belongs to.
@@ -108,7 +109,7 @@ impl DepthMap {
     /// As [`new`](Self::new), and `InvalidArgument` for another tile.
     pub fn tiled(width: u32, height: u32, tile: u32, projection: Projection) -> Result<Self> {
         let len = tile_count(width, height, tile)?;
-        Ok(Self { width, height, tile, depth: vec_of(len, 0.0)?, is_uniform: true, projection })
+        Ok(Self { width, height, tile, depth: allocate::filled(len, 0.0)?, is_uniform: true, projection })
     }
 
     /// Takes a host's `values`, `width * height` of them, and converts them to device depth with 0 near. Values outside

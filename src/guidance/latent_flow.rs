@@ -18,8 +18,9 @@
 use half::f16;
 
 use super::interpolation::{Tap, bilinear};
-use super::{Guidance, LatentView, MotionOrigin, Projection, check_shapes, picture_flow, vec_of};
+use super::{Guidance, LatentView, MotionOrigin, Projection, check_shapes, picture_flow};
 use crate::Result;
+use crate::allocate;
 use crate::tasks::{Parallel, ParallelSliceMut, PoolLease};
 
 /// The camera stated for the flat depth; the same as that of [`picture_flow`].
@@ -102,7 +103,7 @@ impl Extractor {
         let cells = height * width;
         let grow = |values: &mut Vec<f32>, len: usize| {
             if values.len() != len {
-                *values = vec_of(len, 0.0)?;
+                *values = allocate::filled(len, 0.0)?;
             }
             Ok(())
         };
@@ -111,8 +112,8 @@ impl Extractor {
         grow(&mut self.unfiltered_errors, CANDIDATES * cells)?;
         grow(&mut self.errors, CANDIDATES * cells)?;
         if self.best.len() != cells {
-            (self.best, self.previous_best) = (vec_of(cells, [0; 2])?, vec_of(cells, [0; 2])?);
-            self.flow = vec_of(cells, [0.0; 2])?;
+            (self.best, self.previous_best) = (allocate::filled(cells, [0; 2])?, allocate::filled(cells, [0; 2])?);
+            self.flow = allocate::filled(cells, [0.0; 2])?;
         }
         Ok(())
     }

@@ -160,19 +160,6 @@ fn check_shapes(z0: LatentView<'_>, z1: LatentView<'_>) -> Result<()> {
     .field("z0"))
 }
 
-/// `len` copies of `value`; an error instead of an abort if memory is short.
-fn vec_of<T: Clone>(len: usize, value: T) -> Result<Vec<T>> {
-    let mut values = Vec::new();
-    values.try_reserve_exact(len).map_err(|_| {
-        crate::Error::new(
-            crate::ErrorKind::OutOfMemory,
-            format!("a buffer of {len} values of {} bytes cannot be allocated", size_of::<T>()),
-        )
-    })?;
-    values.resize(len, value);
-    Ok(values)
-}
-
 /// The constants of these modules that shaders have too, for `constants.hlsli`.
 #[cfg(test)]
 pub(crate) fn shader_constants() -> Vec<crate::shader_constants::Constants> {

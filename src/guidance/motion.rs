@@ -2,7 +2,8 @@
 
 use half::f16;
 
-use super::{tile_count, vec_of};
+use super::tile_count;
+use crate::allocate;
 use crate::{Error, ErrorKind, Result};
 
 /// Motion vectors `[x, y]` in render pixels, stored at the current picture's pixels and pointing from the current picture to
@@ -31,7 +32,7 @@ impl MotionField {
     /// As [`new`](Self::new), and `InvalidArgument` for another tile.
     pub fn tiled(width: u32, height: u32, tile: u32) -> Result<Self> {
         let len = tile_count(width, height, tile)?;
-        Ok(Self { width, height, tile, vectors: vec_of(len, [f16::ZERO; 2])? })
+        Ok(Self { width, height, tile, vectors: allocate::filled(len, [f16::ZERO; 2])? })
     }
 
     /// Takes `vectors`, `width * height` of them.

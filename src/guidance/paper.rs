@@ -22,6 +22,7 @@ use half::f16;
 use super::interpolation::{Tap, bilinear};
 use super::{Guidance, LatentView, MotionOrigin, Projection, check_shapes};
 use crate::Result;
+use crate::allocate;
 use crate::tasks::{Parallel, ParallelSliceMut, PoolLease};
 
 #[cfg(windows)]
@@ -97,7 +98,11 @@ impl Extractor {
     ) -> Result<()> {
         check_shapes(z0, z1)?;
         out.make_per_pixel(render, PROJECTION, MotionOrigin::LatentGradient)?;
-        out.depth_mut().set_projection(PROJECTION);
+        let [_, height, width] = z1.shape();
+        allocate::reserve(&mut self.delta, height * width)?;
+        allocate::reserve(&mut self.displacement, height * width)?;
+        allocate::reserve(&mut self.pseudo_depth, height * width)?;
+        allocate::reserve(&mut self.columns, out.size().0 as usize)?;
 
         self.difference(z0, z1);
         self.gradient(z1.shape());

@@ -18,6 +18,7 @@ use super::failure::{make, ort_failure};
 use super::finite::all_finite;
 use super::graph::{ElementType, TensorSpec};
 use super::{Graph, Ort};
+use crate::allocate;
 use crate::bundle::{ModelSource, Precision};
 use crate::tasks::physical_cores;
 use crate::{Error, ErrorKind, Result};
@@ -220,14 +221,7 @@ impl ExecutionContext for CpuContext {
     }
 
     fn back_up(&mut self, of: &[BufferId]) -> Result<Backup> {
-        let copy = |buffer: &BufferId| {
-            let (contents, mut copy) = (self.memories[buffer.0].bytes(), Vec::new());
-            copy.try_reserve_exact(contents.len()).map_err(|_| {
-                Error::new(ErrorKind::OutOfMemory, format!("a copy of {} bytes cannot be allocated", contents.len()))
-            })?;
-            copy.extend_from_slice(contents);
-            Ok((*buffer, copy))
-        };
+        let copy = |buffer: &BufferId| Ok((*buffer, allocate::copy_of(self.memories[buffer.0].bytes())?));
         of.iter().map(copy).collect::<Result<HostBackup>>().map(Backup::new)
     }
 

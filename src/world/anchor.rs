@@ -6,6 +6,7 @@ mod device_copy;
 use std::sync::OnceLock;
 
 use super::rollout::Rollout;
+use crate::allocate;
 use crate::runtime::Device;
 use crate::{Error, ErrorKind, Picture, Result};
 
@@ -63,10 +64,8 @@ impl KeptAnchor {
         let pictures = (0..point.pictures_per_latent).map(|_| picture()).collect::<Result<Vec<_>>>()?;
         let latent = OnceLock::new();
         if on_host {
-            let (count, mut values) = (rollout.world().latent_len(), Vec::new());
-            values.try_reserve_exact(count).map_err(|_| {
-                Error::new(ErrorKind::OutOfMemory, format!("a latent of {count} numbers cannot be copied"))
-            })?;
+            let mut values = Vec::new();
+            allocate::reserve(&mut values, rollout.world().latent_len())?;
             _ = latent.set(values);
         }
         let (latents_per_second, device) = (point.latents_per_second, Some(rollout.world().device().clone()));

@@ -2,6 +2,7 @@
 
 use std::borrow::Borrow;
 
+use crate::allocate;
 use crate::bundle::Precision;
 use crate::runtime::{Backup, BindingId, BufferId, ExecutionContext, FiniteCheckId};
 use crate::world::convert::{self, Uploader};
@@ -157,7 +158,7 @@ impl Autoencoder {
                 .remedy(format!("Give 1 or {}", self.shapes.pictures)));
         }
         let [height, width] = self.shapes.decoded;
-        let mut rgb = convert::zeroed(self.shapes.pictures * self.shapes.picture_len())?;
+        let mut rgb = allocate::zeroed(self.shapes.pictures * self.shapes.picture_len())?;
         for (i, planes) in rgb.chunks_exact_mut(self.shapes.picture_len()).enumerate() {
             let picture: &Picture = pictures[i % pictures.len()].borrow();
             Bilinear::new(picture.size(), (width as u32, height as u32)).to_planes(picture, planes);

@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::convert;
 use super::transformer::{SharedBuffers, Transformer};
+use crate::allocate;
 use crate::bundle::{ConditioningModel, KEPT_LEVELS, ModelSource, NamedTensor, Precision, with_weights_inside};
 use crate::locks::Mutex;
 use crate::runtime::{BufferId, ContextLimits, Device, ExecutionContext, Region, TensorSpec};
@@ -111,7 +111,7 @@ impl LevelConditioning {
             context.upload(buffers[0], 0, bytemuck::cast_slice(levels))?;
             context.run(binding)?;
             let read = |(spec, &buffer): (&TensorSpec, &BufferId)| {
-                let mut bytes = convert::zeroed(spec.bytes())?;
+                let mut bytes = allocate::zeroed(spec.bytes())?;
                 context.read(buffer, 0, &mut bytes).map(|()| bytes)
             };
             computed.push(self.values.iter().zip(&buffers[1..]).map(read).collect::<Result<Values>>()?);

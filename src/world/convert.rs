@@ -5,7 +5,7 @@ use half::slice::HalfFloatSliceExt;
 
 use crate::bundle::Precision;
 use crate::runtime::{BufferId, ExecutionContext};
-use crate::{Error, ErrorKind, Result};
+use crate::{Result, allocate};
 
 /// Writes f32 values into buffers of one precision, without allocating.
 pub(super) struct Uploader {
@@ -16,7 +16,7 @@ pub(super) struct Uploader {
 impl Uploader {
     /// For buffers of `precision`, at most `len` values at a time.
     pub(super) fn new(precision: Precision, len: usize) -> Result<Self> {
-        let staging = zeroed(if precision == Precision::F16 { len } else { 0 })?;
+        let staging = allocate::zeroed(if precision == Precision::F16 { len } else { 0 })?;
         Ok(Self { precision, staging })
     }
 
@@ -56,14 +56,4 @@ pub(super) fn read(
             Ok(())
         }
     }
-}
-
-/// `len` zeroes. Returns an error instead of aborting if memory is exhausted, because `len` may come from a bundle.
-pub(super) fn zeroed<T: Clone + Default>(len: usize) -> Result<Vec<T>> {
-    let mut values = Vec::new();
-    values
-        .try_reserve_exact(len)
-        .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("{len} numbers cannot be allocated")))?;
-    values.resize(len, T::default());
-    Ok(values)
 }

@@ -13,6 +13,7 @@ use super::passes::HIDDEN;
 use super::rope::RopeTable;
 use super::schedule::Schedule;
 use super::transformer::{PassBinding, Transformer};
+use crate::allocate;
 use crate::bundle::{Bundle, GraphKind, LayerKind, Manifest, ModelSource, ModelWithPeaks, Precision, Residual};
 use crate::runtime::{BufferId, ContextLimits, Device, ExecutionContext, TensorSpec, element_size};
 use crate::{Error, ErrorKind, Result};
@@ -188,7 +189,7 @@ impl Latent {
     ) -> Result<Self> {
         let mut context = device.context(ContextLimits::default())?;
         let mut run = TransformerPass::new(&mut *context, transformer, manifest, shapes, precision)?;
-        let mut x = convert::zeroed(shapes.latent_len())?;
+        let mut x = allocate::zeroed(shapes.latent_len())?;
         NoiseKey { seed: 0, latent: 0 }.fill(&mut x);
         // Both precisions start from the same numbers.
         x.iter_mut().for_each(|v| *v = f16::from_f32(*v).to_f32());
@@ -228,7 +229,7 @@ impl TransformerPass {
         let buffers: Vec<BufferId> =
             transformer.tensors().iter().map(|spec| context.buffer(spec.bytes())).collect::<Result<_>>()?;
         let rope = RopeTable::new(&manifest.geometry)?;
-        let (mut cos, mut sin) = (convert::zeroed(rope.len())?, convert::zeroed(rope.len())?);
+        let (mut cos, mut sin) = (allocate::zeroed(rope.len())?, allocate::zeroed(rope.len())?);
         rope.fill(0, &mut cos, &mut sin)?;
         let largest = shapes
             .latent_len()
@@ -240,7 +241,7 @@ impl TransformerPass {
             context.upload(buffer, 0, bytemuck::cast_slice(table))?;
         }
         for (buffer, kind) in [(buffers[6], LayerKind::Local), (buffers[7], LayerKind::Global)] {
-            let mut mask = convert::zeroed::<f32>(shapes.attended_keys(kind))?;
+            let mut mask = allocate::zeroed::<f32>(shapes.attended_keys(kind))?;
             let past = mask.len() - shapes.tokens;
             mask[..past].fill(HIDDEN);
             uploader.upload(context, buffer, &mask)?;
@@ -292,7 +293,7 @@ impl TransformerPass {
     fn states(&self, context: &dyn ExecutionContext) -> Result<Vec<Vec<f32>>> {
         let read = |buffer: &BufferId| {
             assert_eq!(context.size(*buffer), self.slab_len * element_size(self.precision), "a slab");
-            let mut values = convert::zeroed(self.slab_len)?;
+            let mut values = allocate::zeroed(self.slab_len)?;
             convert::read(context, self.precision, *buffer, 0, &mut values)?;
             Ok(values)
         };

@@ -1,7 +1,7 @@
 //! The joined pass of a rollout: the cache pass of the finished latent and the first denoise pass of the next, in one run.
 
 use super::conditioning::LevelInputs;
-use super::convert::{self, Uploader};
+use super::convert::Uploader;
 use super::graph_spec::{JOINED_LATENTS, Shapes};
 use super::kv_cache::KvCache;
 use super::pass_inputs::PassInputs;
@@ -10,6 +10,7 @@ use super::plan::{PendingPlan, RingPlan, StepPlan};
 use super::rope::RopeTable;
 use super::transformer::{PassBinding, Transformer};
 use crate::Result;
+use crate::allocate;
 use crate::bundle::{LayerKind, Precision};
 use crate::runtime::{BindingId, BufferId, ExecutionContext};
 
@@ -62,9 +63,9 @@ impl JoinedPass {
             conditioning,
             reads_levels: joined.reads_levels(),
             uploader: Uploader::new(precision, mask_len(LayerKind::Local).max(mask_len(LayerKind::Global)))?,
-            rope: [convert::zeroed(angles)?, convert::zeroed(angles)?],
-            controls_of_both: convert::zeroed(control_len)?,
-            masks: [convert::zeroed(mask_len(LayerKind::Local))?, convert::zeroed(mask_len(LayerKind::Global))?],
+            rope: [allocate::zeroed(angles)?, allocate::zeroed(angles)?],
+            controls_of_both: allocate::zeroed(control_len)?,
+            masks: [allocate::zeroed(mask_len(LayerKind::Local))?, allocate::zeroed(mask_len(LayerKind::Global))?],
         })
     }
 

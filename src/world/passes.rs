@@ -12,6 +12,7 @@ use super::schedule::{MAX_POINTS, SigmaTable};
 use super::transformer::PassBinding;
 use super::world::World;
 use crate::Result;
+use crate::allocate;
 use crate::bundle::{LayerKind, Precision};
 use crate::runtime::{BindingId, BufferId, ExecutionContext, Region, element_size};
 
@@ -86,11 +87,11 @@ impl Passes {
             .map(|joined| JoinedPass::new(context, joined, (shapes, precision), kv, x, finished))
             .transpose()?;
         let staging = Staging {
-            x: convert::zeroed(shapes.latent_len())?,
-            rope_cos: convert::zeroed(rope.len())?,
-            rope_sin: convert::zeroed(rope.len())?,
-            local_mask: convert::zeroed(shapes.attended_keys(LayerKind::Local))?,
-            global_mask: convert::zeroed(shapes.attended_keys(LayerKind::Global))?,
+            x: allocate::zeroed(shapes.latent_len())?,
+            rope_cos: allocate::zeroed(rope.len())?,
+            rope_sin: allocate::zeroed(rope.len())?,
+            local_mask: allocate::zeroed(shapes.attended_keys(LayerKind::Local))?,
+            global_mask: allocate::zeroed(shapes.attended_keys(LayerKind::Global))?,
             table: Vec::with_capacity(MAX_POINTS),
         };
         let largest = shapes

@@ -13,6 +13,7 @@ use super::helper_graphs::{self, Binding, ListInput, Move, SessionUnderLock};
 use super::pictures::PictureReader;
 use super::plugin::Plugin;
 use super::value::Value;
+use crate::allocate;
 use crate::bundle::Precision;
 use crate::locks::Mutex;
 use crate::runtime::aligned_buffer::AlignedBuffer;
@@ -22,7 +23,7 @@ use crate::runtime::execution_context::{
 };
 use crate::runtime::finite::all_finite;
 use crate::runtime::graph::{ElementType, Graph};
-use crate::{Error, ErrorKind, Picture, Result};
+use crate::{Picture, Result};
 
 /// Buffers, bound graphs, and the graphs that move and check values.
 pub(super) struct WebGpuContext {
@@ -152,7 +153,7 @@ impl WebGpuContext {
     fn read_whole(&self, from: BufferId) -> Result<Vec<u8>> {
         self.flush_unwritten()?;
         let buffer = &self.buffers[from.0];
-        let mut bytes = zeroed(buffer.bytes)?;
+        let mut bytes = allocate::zeroed(buffer.bytes)?;
         match &buffer.storage {
             Storage::Host(contents) => bytes.copy_from_slice(&contents.bytes()[..buffer.bytes]),
             Storage::Adapter(buffer) => buffer.read(&mut bytes)?,
@@ -357,7 +358,7 @@ impl ExecutionContext for WebGpuContext {
 
     fn clear(&mut self, buffers: &[BufferId]) -> Result<()> {
         self.all_or_nothing(buffers, |context| {
-            buffers.iter().try_for_each(|id| context.write_whole(*id, &zeroed(context.size(*id))?))
+            buffers.iter().try_for_each(|id| context.write_whole(*id, &allocate::zeroed(context.size(*id))?))
         })
     }
 
@@ -496,14 +497,4 @@ impl WebGpuContext {
             log::warn!("buffers are written later: {error}");
         }
     }
-}
-
-/// Memory for contents of a buffer.
-fn zeroed(bytes: usize) -> Result<Vec<u8>> {
-    let mut memory = Vec::new();
-    memory
-        .try_reserve_exact(bytes)
-        .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("{bytes} bytes cannot be allocated")))?;
-    memory.resize(bytes, 0);
-    Ok(memory)
 }

@@ -4,8 +4,8 @@ use half::f16;
 use half::slice::HalfFloatSliceExt;
 use windows::Win32::Graphics::Direct3D12::ID3D12Resource;
 
-use super::super::convert;
 use super::super::rollout::Rollout;
+use crate::allocate;
 use crate::bundle::Precision;
 use crate::gpu::FencePoint;
 use crate::runtime::Snapshot;
@@ -52,11 +52,11 @@ impl DeviceCopy {
     }
 
     pub(super) fn read_latent(&self) -> Result<Vec<f32>> {
-        let mut latent = convert::zeroed::<f32>(self.latent_len)?;
+        let mut latent = allocate::zeroed::<f32>(self.latent_len)?;
         match self.precision {
             Precision::F32 => self.snapshot.read_latent(bytemuck::cast_slice_mut(&mut latent))?,
             Precision::F16 => {
-                let mut halves = convert::zeroed::<f16>(self.latent_len)?;
+                let mut halves = allocate::zeroed::<f16>(self.latent_len)?;
                 self.snapshot.read_latent(bytemuck::cast_slice_mut(&mut halves))?;
                 halves.convert_to_f32_slice(&mut latent);
             }

@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use super::times::StepMeasurement;
+use crate::allocate;
 use crate::bundle::Precision;
 use crate::runtime::{
     BufferId, ContextLimits, DecodedPicture, ExecutionContext, FiniteCheckId, RecordedCopiesId, RecordedCopy, Region,
@@ -135,7 +136,7 @@ impl DeviceState {
     pub(super) fn encode_picture(&mut self, picture: &Picture) -> Result<Vec<f32>> {
         // The check below covers the latent; memories of a kept stream do not become current.
         self.autoencoder.encode(&mut *self.context, &[picture])?;
-        let mut latent = convert::zeroed(self.shapes.latent_len())?;
+        let mut latent = allocate::zeroed(self.shapes.latent_len())?;
         convert::read(&*self.context, self.precision, self.passes.latent(), 0, &mut latent)?;
         match self.context.find_not_finite(self.latent_check)? {
             None => Ok(latent),
@@ -272,12 +273,12 @@ impl DeviceState {
         self.passes.embed_controls(&mut *self.context)?;
         self.passes.set_latent(&mut *self.context, x)?;
         self.passes.extra_pass(&mut *self.context, plan)?;
-        let mut velocity = convert::zeroed(x.len())?;
+        let mut velocity = allocate::zeroed(x.len())?;
         self.passes.read_next(&*self.context, &mut velocity)?;
         velocity.iter_mut().zip(x).for_each(|(v, x)| *v = x - *v);
         let (mut keys, mut values) = (Vec::new(), Vec::new());
         for (i, slab) in self.kv.slabs().enumerate() {
-            let mut half = convert::zeroed(self.shapes.slab_len())?;
+            let mut half = allocate::zeroed(self.shapes.slab_len())?;
             convert::read(&*self.context, self.precision, slab, 0, &mut half)?;
             if i % 2 == 0 { keys.push(half) } else { values.push(half) }
         }
@@ -342,7 +343,7 @@ impl DeviceState {
             .decoder_state()
             .take(count)
             .map(|buffer| {
-                let mut memory = convert::zeroed(self.context.size(buffer) / element)?;
+                let mut memory = allocate::zeroed(self.context.size(buffer) / element)?;
                 convert::read(&*self.context, self.precision, buffer, 0, &mut memory)?;
                 Ok(memory)
             })
@@ -353,7 +354,7 @@ impl DeviceState {
     pub(super) fn ring_bytes(&self, layer: usize, part: KvPart) -> Option<Result<Vec<u8>>> {
         let buffer = self.kv.ring(layer, part)?;
         let read = || {
-            let mut bytes = convert::zeroed(self.context.size(buffer))?;
+            let mut bytes = allocate::zeroed(self.context.size(buffer))?;
             self.context.read(buffer, 0, &mut bytes)?;
             Ok(bytes)
         };

@@ -34,12 +34,12 @@ use self::readback::Readback;
 pub use self::times::DeviceTimes;
 use self::times::{StepMeasurement, Times};
 use super::controls::ControlInput;
-use super::convert;
 use super::kv_cache::KvPart;
 use super::operating_point::OperatingPoint;
 use super::plan::{Planner, StepPlan};
 use super::statistics::{Statistics, StepInfo};
 use super::world::World;
+use crate::allocate;
 #[cfg(windows)]
 use crate::runtime::{CaptureStatistics, Snapshot};
 use crate::{Error, ErrorKind, Picture, Result};
@@ -309,7 +309,7 @@ impl Rollout {
     pub fn decoded(&self) -> Result<Vec<f32>> {
         self.check_started()?;
         let shapes = &self.world.shapes;
-        let mut rgb = convert::zeroed(shapes.pictures * shapes.picture_len())?;
+        let mut rgb = allocate::zeroed(shapes.pictures * shapes.picture_len())?;
         self.device.read_decoded(0, &mut rgb)?;
         Ok(rgb)
     }

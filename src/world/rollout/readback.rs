@@ -3,7 +3,7 @@
 use std::cell::{Cell, OnceCell};
 
 use super::device_state::DeviceState;
-use crate::world::convert;
+use crate::allocate;
 use crate::world::resize::Bilinear;
 use crate::world::world::World;
 use crate::{Picture, Result};
@@ -23,8 +23,8 @@ impl Readback {
     pub(super) fn new(world: &World) -> Result<Self> {
         Ok(Self {
             latent: OnceCell::new(),
-            spare_latent: Cell::new(convert::zeroed(world.latent_len())?),
-            planes: convert::zeroed(world.shapes.picture_len())?,
+            spare_latent: Cell::new(allocate::zeroed(world.latent_len())?),
+            planes: allocate::zeroed(world.shapes.picture_len())?,
             to_render: Bilinear::new(world.decoded_size(), world.render_size()),
         })
     }
@@ -36,7 +36,7 @@ impl Readback {
         }
         let mut latent = self.spare_latent.take();
         if latent.is_empty() {
-            latent = convert::zeroed(world.latent_len())?;
+            latent = allocate::zeroed(world.latent_len())?;
         }
         device.read_latent(&mut latent)?;
         Ok(self.latent.get_or_init(|| latent))

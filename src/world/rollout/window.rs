@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::Rollout;
-use crate::world::convert;
+use crate::allocate;
 use crate::world::kv_cache::copy_slots;
 use crate::world::operating_point::OperatingPoint;
 use crate::world::world::World;
@@ -37,10 +37,10 @@ impl Rollout {
         let slots = moved.planner.take_over(&self.planner);
         let mut contents = Vec::new();
         for (to, from) in moved.device.state_buffers().zip(self.device.state_buffers()) {
-            let mut bytes = convert::zeroed(self.device.context.size(from))?;
+            let mut bytes = allocate::zeroed(self.device.context.size(from))?;
             self.device.context.read(from, 0, &mut bytes)?;
             if self.device.is_global_ring(from) {
-                let mut resized = convert::zeroed(moved.device.context.size(to))?;
+                let mut resized = allocate::zeroed(moved.device.context.size(to))?;
                 copy_slots(&self.world.shapes, self.world.precision(), &bytes, &mut resized, &slots);
                 bytes = resized;
             }
