@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 
 use cairn::world::{ControlScript, WorldTime};
-use cairn::{Picture, Result};
+use cairn::{Error, ErrorKind, Picture, Result};
 use glam::Vec2;
 
 use crate::edit::{self, EditList, ShotChange};
@@ -132,19 +132,30 @@ pub struct Clip<'a> {
 }
 
 impl<'a> Clip<'a> {
-    /// A walk from its start. `None` if the rate is out of range.
-    pub fn new(scene: &'a Scene, script: &'a ControlScript, options: ClipOptions) -> Option<Self> {
+    /// A walk from its start.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a rate that is out of range.
+    pub fn new(scene: &'a Scene, script: &'a ControlScript, options: ClipOptions) -> Result<Self> {
         Self::with_effects(scene, script, options, Effects::default())
     }
 
     /// As [`new`](Self::new), with effects.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
     pub fn with_effects(
         scene: &'a Scene,
         script: &'a ControlScript,
         options: ClipOptions,
         mut effects: Effects,
-    ) -> Option<Self> {
-        let steps_per_second = (1..=MAX_RATE).contains(&options.rate).then(|| lcm(STEPS, options.rate))?;
+    ) -> Result<Self> {
+        if !(1..=MAX_RATE).contains(&options.rate) {
+            let cause = format!("a scene cannot be walked at {} pictures a second", options.rate);
+            let remedy = format!("Use 1 to {MAX_RATE}");
+            return Err(Error::new(ErrorKind::InvalidArgument, cause).field("rate").remedy(remedy));
+        }
+        let steps_per_second = lcm(STEPS, options.rate);
         let walker = options.start.map_or_else(|| Walker::new(scene), |start| Walker::starting_at(scene, start));
         effects.jitter = effects.jitter.or(effects.film.anti_aliasing.map(|_| TAA_PHASES));
         let mut this = Self {
@@ -162,7 +173,7 @@ impl<'a> Clip<'a> {
             before: None,
         };
         this.record_trail();
-        Some(this)
+        Ok(this)
     }
 
     /// World time of the walkers in seconds.
@@ -312,7 +323,7 @@ mod tests {
     fn walk(rate: u32, seconds: u32) -> Option<Moment> {
         let script = ControlScript::parse("cairn-controls 1\n0..2 hold W\n0..2 mouse 300 0\n2 end\n").unwrap();
         let scene = Scene::new(Family::Desert, 1);
-        let mut clip = Clip::new(&scene, &script, ClipOptions { rate, ..ClipOptions::default() })?;
+        let mut clip = Clip::new(&scene, &script, ClipOptions { rate, ..ClipOptions::default() }).ok()?;
         (0..=rate * seconds).map(|_| clip.advance().unwrap().0).last()
     }
 

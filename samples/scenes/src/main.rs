@@ -14,9 +14,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use scenes::edit::EditList;
 use scenes::engine::{Engine, EngineOptions, MotionFormat};
 use scenes::film::{FilmGrain, FilmOptions, MotionBlur};
-use scenes::{
-    Cast, Clip, ClipFrame, ClipOptions, Effects, FAMILIES, Family, Frame, LANDSCAPES, MAX_RATE, Quality, Scene, Start,
-};
+use scenes::{Cast, Clip, ClipFrame, ClipOptions, Effects, FAMILIES, Family, Frame, LANDSCAPES, Quality, Scene, Start};
 
 type Result<T, E = Box<dyn std::error::Error>> = std::result::Result<T, E>;
 
@@ -274,7 +272,7 @@ fn sheet(out: &Path, seed: u64, cast: Cast) -> Result<()> {
         let script = ControlScript::parse(family.script())?;
         let options =
             ClipOptions { width: w, height: h, rate: 30, quality: Quality { samples: 3 }, ..Default::default() };
-        let mut walk = Clip::new(&scene, &script, options).ok_or("30 pictures a second are in range")?;
+        let mut walk = Clip::new(&scene, &script, options)?;
         let mut column = 0;
         for n in 0..=240 {
             let (now, before) = walk.advance()?;
@@ -322,12 +320,11 @@ fn clip(a: &ClipArguments) -> Result<()> {
         start: a.start,
         ..Default::default()
     };
-    let rate_out_of_range = || format!("--rate must be from 1 to {MAX_RATE}");
     let effects = a.effects.effects(a.rate.max(1))?;
     let mut engine = a.engine.engine()?;
     // Raw pictures without effects need no depth and no motion.
     let picture_only = a.raw.is_some() && effects == Effects::default();
-    let mut walk = Clip::with_effects(&scene, &script, options, effects).ok_or_else(rate_out_of_range)?;
+    let mut walk = Clip::with_effects(&scene, &script, options, effects).map_err(|error| error.field("--rate"))?;
     if let Some(path) = &a.controls {
         fs::write(path, controls(&script, a.seconds)?).map_err(|e| format!("{}: {e}", path.display()))?;
     }

@@ -29,8 +29,7 @@ pub(crate) fn draw(scene: &Scene, width: u32, height: u32) -> Result<Picture> {
     check(width, height)?;
     let still = ControlScript::parse("cairn-controls 1\n1 end\n")?;
     let options = ClipOptions { width, height, ..ClipOptions::default() };
-    let mut clip = Clip::new(scene, &still, options)
-        .ok_or_else(|| Error::new(ErrorKind::InvalidArgument, "the usual rate is none of a walk"))?;
+    let mut clip = Clip::new(scene, &still, options)?;
     Ok(clip.frame()?.picture)
 }
 

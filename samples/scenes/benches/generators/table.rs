@@ -68,7 +68,7 @@ impl Walk {
         let scene = Scene::new(family, SEED);
         let script = ControlScript::parse(family.script())?;
         let options = ClipOptions { width, height, rate: RATE * STEPS as u32, ..ClipOptions::default() };
-        let mut walk = Clip::new(&scene, &script, options).ok_or("the rate is in range")?;
+        let mut walk = Clip::new(&scene, &script, options)?;
         let last = (FIRST + settings.pairs) * STEPS;
         let moments = (0..=last).map(|_| Ok(walk.advance()?.0)).collect::<Result<Vec<Moment>>>()?;
         let draw = |now: usize, before: usize| {

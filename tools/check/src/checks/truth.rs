@@ -3,7 +3,7 @@
 use cairn::framegen::{AnchorPair, FrameGenerator};
 use cairn::guidance::{Guidance, MotionOrigin, Projection};
 use cairn::world::ControlScript;
-use cairn::{Error, ErrorKind, Picture, Result};
+use cairn::{Picture, Result};
 use half::f16;
 use scenes::camera::{FAR, NEAR};
 use scenes::{Clip, ClipOptions, Family, Moment, Quality, Scene};
@@ -32,8 +32,7 @@ fn case(family: Family, seed: u64) -> Result<Case> {
     let script = ControlScript::parse(family.script())?;
     let aspect = SIZE.0 as f32 / SIZE.1 as f32;
     let options = ClipOptions { width: SIZE.0, height: SIZE.1, rate: 2 * RATE, aspect, ..ClipOptions::default() };
-    let mut clip = Clip::new(&scene, &script, options)
-        .ok_or_else(|| Error::new(ErrorKind::InvalidArgument, "a scene cannot be walked at this rate"))?;
+    let mut clip = Clip::new(&scene, &script, options)?;
     let mut moments: Vec<Moment> = Vec::new();
     // The walk has gained its speed then.
     for _ in 0..2 * RATE + 3 {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use cairn::world::ControlScript;
-use cairn::{Error, ErrorKind, Result};
+use cairn::{ErrorKind, Result};
 use scenes::{Clip, ClipOptions, Scene};
 use serde::{Deserialize, Serialize};
 
@@ -92,8 +92,7 @@ pub(crate) fn draw(
     let [width, height] = settings.size;
     let (scene, script) = (Scene::new(id.family, id.seed), ControlScript::parse(&script)?);
     let options = ClipOptions { width, height, rate: RATE, ..ClipOptions::default() };
-    let mut clip = Clip::new(&scene, &script, options)
-        .ok_or_else(|| Error::new(ErrorKind::InvalidArgument, format!("no walk has {RATE} frames a second")))?;
+    let mut clip = Clip::new(&scene, &script, options)?;
     let mut files = Vec::new();
     progress.each_frame(count, stop, |number| {
         let bytes = encode_png(&clip.frame()?.picture)?;

@@ -2,7 +2,7 @@
 
 use cairn::guidance::{Guidance, Projection};
 use cairn::world::ControlScript;
-use cairn::{Error, ErrorKind, Picture, Result};
+use cairn::{Picture, Result};
 use half::f16;
 use scenes::camera::{Camera, FAR, NEAR};
 use scenes::{ClipOptions, Family, Frame, Moment, Quality, Scene};
@@ -29,9 +29,7 @@ impl Walk {
         let rate = rate * multiplier;
         let aspect = size.0 as f32 / size.1 as f32;
         let options = ClipOptions { width: size.0, height: size.1, rate, aspect, ..ClipOptions::default() };
-        let mut clip = scenes::Clip::new(&scene, &script, options).ok_or_else(|| {
-            Error::new(ErrorKind::InvalidArgument, format!("a scene cannot be walked at {rate} frames a second"))
-        })?;
+        let mut clip = scenes::Clip::new(&scene, &script, options)?;
         let moments = (0..frames).map(|_| Ok(clip.advance()?.0)).collect::<Result<Vec<Moment>>>()?;
         Ok(Self { scene, moments, size, multiplier })
     }

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
+use cairn::Result;
 use cairn::world::ControlScript;
-use cairn::{Error, ErrorKind, Result};
 use scenes::{Clip, ClipOptions, Family, LANDSCAPES, Scene, Start};
 use serde::{Deserialize, Serialize};
 
@@ -137,9 +137,7 @@ impl Course {
         rate: u32,
     ) -> Result<Clip<'a>> {
         let options = ClipOptions { width, height, rate, start, ..ClipOptions::default() };
-        Clip::new(&self.scene, script, options).ok_or_else(|| {
-            Error::new(ErrorKind::InvalidArgument, format!("a scene cannot be walked at {rate} frames a second"))
-        })
+        Clip::new(&self.scene, script, options)
     }
 }
 

@@ -118,12 +118,7 @@ impl SceneClip {
         let options =
             ClipOptions { width: self.size.0, height: self.size.1, rate: RATE * STEPS, ..ClipOptions::default() };
         let script = ControlScript::parse(text)?;
-        let mut walk = scenes::Clip::new(&self.scene, &script, options).ok_or_else(|| {
-            Error::new(
-                ErrorKind::InvalidArgument,
-                format!("scenes cannot be walked at {} steps a second", options.rate),
-            )
-        })?;
+        let mut walk = scenes::Clip::new(&self.scene, &script, options)?;
         let anchors = self.targets.iter().map(|target| target.anchor).max().unwrap_or(0) + MARGIN + 1;
         self.moments =
             (0..=(anchors - 1) * STEPS as usize).map(|_| Ok(walk.advance()?.0)).collect::<Result<Vec<Moment>>>()?;

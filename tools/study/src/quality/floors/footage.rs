@@ -119,9 +119,7 @@ impl Footage {
         let (script, edits): (_, EditList) = (ControlScript::parse(text)?, self.edits.parse()?);
         let options = ClipOptions { width: SIZE.0, height: SIZE.1, rate: STEPS, ..ClipOptions::default() };
         let effects = Effects { edits: edits.clone(), ..Effects::default() };
-        let mut clip = scenes::Clip::with_effects(&scene, &script, options, effects).ok_or_else(|| {
-            Error::new(ErrorKind::InvalidArgument, format!("scenes cannot be walked at {STEPS} steps a second"))
-        })?;
+        let mut clip = scenes::Clip::with_effects(&scene, &script, options, effects)?;
         let moments = (0..=self.end).map(|_| Ok(clip.advance()?.0)).collect::<Result<Vec<Moment>>>()?;
         drop(clip);
         let samples = Quality::default().samples;
