@@ -12,6 +12,7 @@ pub(super) mod tune;
 use cairn::guidance::Guidance;
 use cairn::{Error, ErrorKind, Picture, Result};
 
+use self::ours::Ours;
 use super::clips::Phase;
 use crate::progress::Progress;
 
@@ -189,10 +190,10 @@ impl Kind {
             Self::Rife4 => Ok(Box::new(rife::Rife4::open(progress)?)),
             Self::FsrFlow => Ok(Box::new(fsr::Fsr::open(fsr::Motion::Found, progress)?)),
             Self::FsrEngine | Self::Fsr => Ok(Box::new(fsr::Fsr::open(fsr::Motion::Given, progress)?)),
-            Self::NoMotion => Ok(Box::new(ours::NoMotion::new()?)),
-            Self::Paper => Ok(Box::new(ours::Paper::open(progress)?)),
-            Self::Flow => Ok(Box::new(ours::Flow::new()?)),
-            Self::Engine | Self::Truth => Ok(Box::new(ours::Truth::new()?)),
+            Self::NoMotion => Ok(Box::new(Ours::no_motion()?)),
+            Self::Paper => Ok(Box::new(Ours::paper(progress)?)),
+            Self::Flow => Ok(Box::new(Ours::flow()?)),
+            Self::Engine | Self::Truth => Ok(Box::new(Ours::of_clip()?)),
         }
     }
 }

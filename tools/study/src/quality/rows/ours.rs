@@ -16,128 +16,119 @@ use crate::quality::clips::Phase;
 use crate::quality::store::digest;
 use media::describe_io;
 
-/// The generator with optical flow between the two anchors.
-pub(super) struct Flow {
-    build: String,
-    extractor: picture_flow::Extractor,
-    generator: CpuGenerator,
-    guidance: Option<Guidance>,
-}
-
-impl Flow {
-    pub(super) fn new() -> Result<Self> {
-        let (extractor, generator) = (picture_flow::Extractor::new(), CpuGenerator::new());
-        Ok(Self { build: build()?, extractor, generator, guidance: None })
-    }
-}
-
-impl Row for Flow {
-    fn version(&self) -> String {
-        "this program".into()
-    }
-
-    fn key(&self) -> String {
-        self.build.clone()
-    }
-
-    fn make(&mut self, interval: &Interval<'_>, phases: &[Phase]) -> Result<Vec<Picture>> {
-        let (width, height) = interval.current().size();
-        let guidance = match &mut self.guidance {
-            Some(guidance) => guidance,
-            None => self.guidance.insert(Guidance::new(width, height, picture_flow::PROJECTION)?),
-        };
-        self.extractor.extract(interval.previous(), interval.current(), guidance)?;
-        let pair = AnchorPair::new(interval.previous(), interval.current(), guidance)?;
-        generate(&mut self.generator, &pair, phases)
-    }
-}
-
-/// The generator with a clip's true motion and depth.
-pub(super) struct Truth {
+/// The generator, with one source of motion and depth.
+pub(super) struct Ours {
     build: String,
     generator: CpuGenerator,
+    source: Source,
 }
 
-impl Truth {
-    pub(super) fn new() -> Result<Self> {
-        Ok(Self { build: build()?, generator: CpuGenerator::new() })
-    }
+/// Where motion and depth come from.
+enum Source {
+    /// Optical flow between the two anchors.
+    Flow { extractor: Box<picture_flow::Extractor>, guidance: Option<Guidance> },
+    /// The clip: its true motion and depth, or those that its engine gives.
+    Clip,
+    /// Zero motion and constant depth.
+    NoMotion,
+    /// The paper's motion and depth, from the latents that the embedded world's encoder makes of the anchors.
+    Paper(Box<Paper>),
 }
 
-impl Row for Truth {
-    fn version(&self) -> String {
-        "this program".into()
-    }
-
-    fn key(&self) -> String {
-        self.build.clone()
-    }
-
-    fn make(&mut self, interval: &Interval<'_>, phases: &[Phase]) -> Result<Vec<Picture>> {
-        let guidance = interval
-            .guidance
-            .ok_or_else(|| Error::new(ErrorKind::InvalidArgument, "nobody knows the clip's motion and depth"))?;
-        let mut pair = AnchorPair::new(interval.previous(), interval.current(), guidance)?;
-        if let Some(before) = interval.before {
-            pair = pair.with_previous_depth(before.depth())?;
-        }
-        if let Some(overlay) = interval.overlay {
-            pair = pair.with_overlay(overlay)?;
-        }
-        generate(&mut self.generator, &pair, phases)
-    }
-}
-
-/// The generator with zero motion and constant depth.
-pub(super) struct NoMotion {
-    build: String,
-    generator: CpuGenerator,
-}
-
-impl NoMotion {
-    pub(super) fn new() -> Result<Self> {
-        Ok(Self { build: build()?, generator: CpuGenerator::new() })
-    }
-}
-
-impl Row for NoMotion {
-    fn version(&self) -> String {
-        "this program".into()
-    }
-
-    fn key(&self) -> String {
-        self.build.clone()
-    }
-
-    fn make(&mut self, interval: &Interval<'_>, phases: &[Phase]) -> Result<Vec<Picture>> {
-        let (width, height) = interval.current().size();
-        let mut depth = DepthMap::new(width, height, picture_flow::PROJECTION)?;
-        depth.fill(picture_flow::FLAT_DEPTH);
-        // Constant depth is what optical flow has, so that this row differs from `cairn-flow` in motion only.
-        let guidance = Guidance::from_parts(MotionField::new(width, height)?, depth, MotionOrigin::OpticalFlow)?;
-        let pair = AnchorPair::new(interval.previous(), interval.current(), &guidance)?;
-        generate(&mut self.generator, &pair, phases)
-    }
-}
-
-/// The generator with the paper's motion and depth, from the latents that the embedded world's encoder makes of the anchors.
-pub(super) struct Paper {
-    build: String,
+struct Paper {
     /// Name of the world whose encoder makes the latents.
     world: String,
     rollout: Rollout,
     /// Channels, rows and columns of a latent.
     shape: [usize; 3],
     extractor: paper::Extractor,
-    generator: CpuGenerator,
 }
 
-impl Paper {
-    /// Loads the embedded world on the processor; ONNX Runtime is fetched if it is missing.
+impl Ours {
+    fn new(source: Source) -> Result<Self> {
+        Ok(Self { build: build()?, generator: CpuGenerator::new(), source })
+    }
+
+    /// With optical flow.
+    pub(super) fn flow() -> Result<Self> {
+        Self::new(Source::Flow { extractor: Box::default(), guidance: None })
+    }
+
+    /// With the clip's motion and depth.
+    pub(super) fn of_clip() -> Result<Self> {
+        Self::new(Source::Clip)
+    }
+
+    /// Without motion.
+    pub(super) fn no_motion() -> Result<Self> {
+        Self::new(Source::NoMotion)
+    }
+
+    /// With the paper's motion. Loads the embedded world on the processor; ONNX Runtime is fetched if it is missing.
     ///
     /// # Errors
     /// No ONNX Runtime.
-    pub(super) fn open(progress: &Progress) -> Result<Self> {
+    pub(super) fn paper(progress: &Progress) -> Result<Self> {
+        Self::new(Source::Paper(Box::new(Paper::open(progress)?)))
+    }
+}
+
+impl Row for Ours {
+    fn version(&self) -> String {
+        match &self.source {
+            Source::Paper(paper) => format!("this program, with the encoder of the world `{}`", paper.world),
+            Source::Flow { .. } | Source::Clip | Source::NoMotion => "this program".into(),
+        }
+    }
+
+    fn key(&self) -> String {
+        self.build.clone()
+    }
+
+    fn make(&mut self, interval: &Interval<'_>, phases: &[Phase]) -> Result<Vec<Picture>> {
+        let (previous, current) = (interval.previous(), interval.current());
+        let (width, height) = current.size();
+        let is_of_clip = matches!(self.source, Source::Clip);
+        let made;
+        let guidance = match &mut self.source {
+            Source::Flow { extractor, guidance } => {
+                let guidance = match guidance {
+                    Some(guidance) => guidance,
+                    none => none.insert(Guidance::new(width, height, picture_flow::PROJECTION)?),
+                };
+                extractor.extract(previous, current, guidance)?;
+                guidance
+            }
+            Source::Clip => interval
+                .guidance
+                .ok_or_else(|| Error::new(ErrorKind::InvalidArgument, "nobody knows the clip's motion and depth"))?,
+            Source::NoMotion => {
+                let mut depth = DepthMap::new(width, height, picture_flow::PROJECTION)?;
+                depth.fill(picture_flow::FLAT_DEPTH);
+                // Constant depth is what optical flow has, so that this row differs from `cairn-flow` in motion only.
+                made = Guidance::from_parts(MotionField::new(width, height)?, depth, MotionOrigin::OpticalFlow)?;
+                &made
+            }
+            Source::Paper(paper) => {
+                made = paper.guidance(previous, current)?;
+                &made
+            }
+        };
+        let mut pair = AnchorPair::new(previous, current, guidance)?;
+        if is_of_clip {
+            if let Some(before) = interval.before {
+                pair = pair.with_previous_depth(before.depth())?;
+            }
+            if let Some(overlay) = interval.overlay {
+                pair = pair.with_overlay(overlay)?;
+            }
+        }
+        generate(&mut self.generator, &pair, phases)
+    }
+}
+
+impl Paper {
+    fn open(progress: &Progress) -> Result<Self> {
         let (ort, _) = inputs::onnxruntime(progress)?;
         let (bundle, _) = inputs::world(None, progress)?;
         let global = &bundle.geometry().global;
@@ -145,39 +136,24 @@ impl Paper {
         let window = global.window.min(global.max_window);
         let point = OperatingPoint { global_window: window, ..Preset::Coherence.operating_point() };
         let device = Device::cpu(&ort, CpuOptions { threads: None, deterministic: true })?;
-        let options = WorldOptions { global_window: Some(window), ..WorldOptions::default() };
-        let world = World::load(&device, &bundle, options)?;
+        let world = World::load(&device, &bundle, WorldOptions::for_point(&point))?;
         let latent = bundle.manifest().geometry.latent;
-        let shape = [latent.channels, latent.height, latent.width].map(|n| n as usize);
         Ok(Self {
-            build: build()?,
             world: bundle.manifest().name.clone(),
             rollout: Rollout::new(&world, &point, 0)?,
-            shape,
+            shape: [latent.channels, latent.height, latent.width].map(|n| n as usize),
             extractor: paper::Extractor::new(),
-            generator: CpuGenerator::new(),
         })
     }
-}
 
-impl Row for Paper {
-    fn version(&self) -> String {
-        format!("this program, with the encoder of the world `{}`", self.world)
-    }
-
-    fn key(&self) -> String {
-        self.build.clone()
-    }
-
-    fn make(&mut self, interval: &Interval<'_>, phases: &[Phase]) -> Result<Vec<Picture>> {
-        let (width, height) = interval.current().size();
-        let [before, now] = [self.rollout.encode(interval.previous())?, self.rollout.encode(interval.current())?];
+    fn guidance(&mut self, previous: &Picture, current: &Picture) -> Result<Guidance> {
+        let [before, now] = [self.rollout.encode(previous)?, self.rollout.encode(current)?];
         let [c, h, w] = self.shape;
         let [before, now] = [LatentView::new(c, h, w, &before)?, LatentView::new(c, h, w, &now)?];
+        let (width, height) = current.size();
         let mut guidance = Guidance::new(width, height, paper::PROJECTION)?;
         self.extractor.extract(before, now, (width, height), &mut guidance)?;
-        let pair = AnchorPair::new(interval.previous(), interval.current(), &guidance)?;
-        generate(&mut self.generator, &pair, phases)
+        Ok(guidance)
     }
 }
 
@@ -237,12 +213,12 @@ mod tests {
 
     #[test]
     fn the_row_without_motion_keeps_a_still_picture_and_does_not_follow_a_moving_one() {
-        let mut row = NoMotion::new().unwrap();
+        let mut row = Ours::no_motion().unwrap();
         let still = middle(&mut row, &[pattern(0.0), pattern(0.0)]);
         assert!(difference(&still, &pattern(0.0)) < 0.5);
         let moving = [pattern(0.0), pattern(6.0)];
         let truth = pattern(3.0);
-        let (without, with) = (middle(&mut row, &moving), middle(&mut Flow::new().unwrap(), &moving));
+        let (without, with) = (middle(&mut row, &moving), middle(&mut Ours::flow().unwrap(), &moving));
         let [without, with] = [without, with].map(|made| difference(&made, &truth));
         assert!(with < 2.0 && without > 3.0 * with, "without motion {without}, with optical flow {with}");
     }
