@@ -1,30 +1,22 @@
 //! The joined pass of a rollout: the cache pass of the finished latent and the first denoise pass of the next, in one run.
 
-use super::conditioning::LevelInputs;
+use super::bound_transformer::{BoundTransformer, PassInputs};
 use super::convert::Uploader;
 use super::graph_spec::{JOINED_LATENTS, Shapes};
 use super::kv_cache::KvCache;
-use super::pass_inputs::PassInputs;
 use super::passes::HIDDEN;
 use super::plan::{PendingPlan, RingPlan, StepPlan};
 use super::rope::RopeTable;
-use super::transformer::{PassBinding, Transformer};
+use super::transformer::Transformer;
 use crate::Result;
 use crate::allocate;
 use crate::bundle::{LayerKind, Precision};
-use crate::runtime::{BindingId, BufferId, ExecutionContext};
+use crate::runtime::{BufferId, ExecutionContext};
 
 /// Inputs of the joined graph, and its bindings. In each input the finished latent comes first.
 pub(super) struct JoinedPass {
     shapes: Shapes,
-    inputs: PassInputs,
-    /// `bindings[i]` reads `x[i]` and writes the other, as those of the single passes.
-    bindings: [PassBinding; 2],
-    /// Embeds the controls of both.
-    controls: Option<BindingId>,
-    conditioning: Option<LevelInputs>,
-    /// Whether the pass reads noise levels, beside the conditioning.
-    reads_levels: bool,
+    joined: BoundTransformer,
     uploader: Uploader,
     // Host memory for uploads, reused so that a step allocates nothing.
     rope: [Vec<f32>; 2],
@@ -44,24 +36,13 @@ impl JoinedPass {
     ) -> Result<Self> {
         let mask_len = |kind| JOINED_LATENTS * shapes.keys_with(kind, JOINED_LATENTS);
         let (angles, control_len) = (JOINED_LATENTS * shapes.rope_len(), JOINED_LATENTS * shapes.controls);
-        let inputs = PassInputs::new(context, &shapes, precision, JOINED_LATENTS)?;
-        let shared = joined.shared_buffers(context)?;
-        let conditioning = LevelInputs::of(context, joined, &shared, 1)?;
-        let tensors = |x: BufferId, x_next: BufferId| -> Vec<BufferId> {
+        let tensors = |inputs: &PassInputs, x: BufferId, x_next: BufferId| -> Vec<BufferId> {
             let inputs = [x, finished].into_iter().chain(inputs.in_order());
             inputs.chain(kv.rings()).chain([x_next]).chain(kv.finished_slabs()).collect()
         };
-        let [first, second] = [tensors(x[0], x[1]), tensors(x[1], x[0])];
-        let controls = joined.bind_controls(context, &first, &shared)?;
-        let mut bind = |tensors: &[BufferId]| joined.bind(context, tensors, &shared);
-        let bindings = [bind(&first)?, bind(&second)?];
         Ok(Self {
             shapes,
-            inputs,
-            bindings,
-            controls,
-            conditioning,
-            reads_levels: joined.reads_levels(),
+            joined: BoundTransformer::new(context, joined, (&shapes, precision), (JOINED_LATENTS, 1), x, tensors)?,
             uploader: Uploader::new(precision, mask_len(LayerKind::Local).max(mask_len(LayerKind::Global)))?,
             rope: [allocate::zeroed(angles)?, allocate::zeroed(angles)?],
             controls_of_both: allocate::zeroed(control_len)?,
@@ -80,29 +61,29 @@ impl JoinedPass {
         // An append has no noise level; the pass's result for its latent is ignored.
         let first = |levels: &[f32]| levels.first().copied().unwrap_or(0.0);
         let levels = [0.0, first(&plan.sigmas)];
-        if self.reads_levels {
-            context.upload(self.inputs.sigma, 0, bytemuck::cast_slice(&levels))?;
+        if self.joined.reads_levels {
+            context.upload(self.joined.inputs.sigma, 0, bytemuck::cast_slice(&levels))?;
         }
-        if let Some(conditioning) = &mut self.conditioning {
+        if let Some(conditioning) = &mut self.joined.conditioning {
             conditioning.prepare(context, std::iter::once(&levels[..]))?;
             conditioning.select(context, &levels)?;
         }
-        context.upload(self.inputs.dsigma, 0, bytemuck::cast_slice(&[first(&plan.dsigmas)]))?;
+        context.upload(self.joined.inputs.dsigma, 0, bytemuck::cast_slice(&[first(&plan.dsigmas)]))?;
         let [cosines, sines] = &mut self.rope;
         let half = self.shapes.rope_len();
         for (time, at) in [(pending.rope_time, 0), (plan.rope_time, half)] {
             rope.fill(time, &mut cosines[at..][..half], &mut sines[at..][..half])?;
         }
-        context.upload(self.inputs.rope_cos, 0, bytemuck::cast_slice(cosines))?;
-        context.upload(self.inputs.rope_sin, 0, bytemuck::cast_slice(sines))?;
+        context.upload(self.joined.inputs.rope_cos, 0, bytemuck::cast_slice(cosines))?;
+        context.upload(self.joined.inputs.rope_sin, 0, bytemuck::cast_slice(sines))?;
         let (finished, next) = self.controls_of_both.split_at_mut(self.shapes.controls);
         finished.copy_from_slice(&pending.controls);
         next.copy_from_slice(&plan.controls);
-        context.upload(self.inputs.controls, 0, bytemuck::cast_slice(&self.controls_of_both))?;
+        context.upload(self.joined.inputs.controls, 0, bytemuck::cast_slice(&self.controls_of_both))?;
         let [local, global] = &mut self.masks;
         for (mask, buffer, pending, ring) in [
-            (local, self.inputs.local_mask, &pending.local, &plan.local),
-            (global, self.inputs.global_mask, &pending.global, &plan.global),
+            (local, self.joined.inputs.local_mask, &pending.local, &plan.local),
+            (global, self.joined.inputs.global_mask, &pending.global, &plan.global),
         ] {
             fill_masks(mask, pending, ring, self.shapes.tokens);
             self.uploader.upload(context, buffer, mask)?;
@@ -112,8 +93,8 @@ impl JoinedPass {
 
     /// Runs the pass from latent buffer `from`.
     pub(super) fn run(&self, context: &mut dyn ExecutionContext, from: usize) -> Result<()> {
-        self.controls.map_or(Ok(()), |controls| context.run(controls))?;
-        self.bindings[from].run(context)
+        self.joined.embed_controls(context)?;
+        self.joined.run(context, from)
     }
 }
 

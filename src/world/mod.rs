@@ -6,6 +6,7 @@
 
 mod anchor;
 mod autoencoder;
+mod bound_transformer;
 mod conditioning;
 mod controls;
 mod convert;
@@ -22,7 +23,7 @@ mod loading;
 mod missing_operator;
 mod noise;
 mod operating_point;
-mod pass_inputs;
+
 mod passes;
 mod plan;
 mod preset;

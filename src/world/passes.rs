@@ -1,20 +1,18 @@
 //! The transformer of one rollout: its input buffers and the passes that read them.
 
-use super::conditioning::LevelInputs;
+use super::bound_transformer::{BoundTransformer, PassInputs};
 use super::convert::{self, Uploader};
 use super::graph_spec::Shapes;
 use super::joined_pass::JoinedPass;
 use super::kv_cache::KvCache;
-use super::pass_inputs::PassInputs;
 use super::plan::{PendingPlan, RingPlan, StepPlan};
 use super::rope::RopeTable;
 use super::schedule::{MAX_POINTS, SigmaTable};
-use super::transformer::PassBinding;
 use super::world::World;
 use crate::Result;
 use crate::allocate;
 use crate::bundle::{LayerKind, Precision};
-use crate::runtime::{BindingId, BufferId, ExecutionContext, Region, element_size};
+use crate::runtime::{BufferId, ExecutionContext, Region, element_size};
 
 /// The mask value of a hidden key: representable in f16, and far below any attention score.
 pub(super) const HIDDEN: f32 = -10_000.0;
@@ -31,16 +29,9 @@ pub(super) struct Passes {
     precision: Precision,
     rope: RopeTable,
     x: [BufferId; 2],
-    inputs: PassInputs,
+    transformer: BoundTransformer,
     /// All sigmas of a latent step, a [`ROW`] for each pass; each pass copies its row on the device.
     table: BufferId,
-    /// `bindings[i]` reads `x[i]` and writes the other.
-    bindings: [PassBinding; 2],
-    /// Embeds the controls of a step.
-    controls: Option<BindingId>,
-    conditioning: Option<LevelInputs>,
-    /// Whether passes read noise levels, beside the conditioning.
-    reads_levels: bool,
     joined: Option<JoinedPass>,
     uploader: Uploader,
     staging: Staging,
@@ -69,18 +60,14 @@ impl Passes {
         let rope = RopeTable::new(&world.manifest().geometry)?;
         assert_eq!(rope.len(), shapes.rope_len(), "rope angles are [T, head_width / 2]");
         let x = [context.buffer(shapes.latent_len() * element)?, context.buffer(shapes.latent_len() * element)?];
-        let inputs = PassInputs::new(context, &shapes, precision, 1)?;
         let table = context.buffer(MAX_POINTS * ROW)?;
-        let shared = world.transformer.shared_buffers(context)?;
-        let conditioning = LevelInputs::of(context, &world.transformer, &shared, world.kept_levels())?;
-        let tensors = |x: BufferId, x_next: BufferId| -> Vec<BufferId> {
+        let tensors = |inputs: &PassInputs, x: BufferId, x_next: BufferId| -> Vec<BufferId> {
             let inputs = [x].into_iter().chain(inputs.in_order());
             inputs.chain(kv.rings()).chain([x_next]).chain(kv.slabs()).collect()
         };
-        let [first, second] = [tensors(x[0], x[1]), tensors(x[1], x[0])];
-        let controls = world.transformer.bind_controls(context, &first, &shared)?;
-        let mut bind = |tensors: &[BufferId]| world.transformer.bind(context, tensors, &shared);
-        let bindings = [bind(&first)?, bind(&second)?];
+        let levels = world.kept_levels();
+        let transformer =
+            BoundTransformer::new(context, &world.transformer, (&shapes, precision), (1, levels), x, tensors)?;
         let joined = world
             .joined
             .as_ref()
@@ -103,12 +90,8 @@ impl Passes {
             precision,
             rope,
             x,
-            inputs,
+            transformer,
             table,
-            bindings,
-            controls,
-            conditioning,
-            reads_levels: world.transformer.reads_levels(),
             joined,
             uploader: Uploader::new(precision, largest)?,
             staging,
@@ -134,13 +117,13 @@ impl Passes {
     ) -> Result<()> {
         let s = &mut self.staging;
         self.rope.fill(plan.rope_time, &mut s.rope_cos, &mut s.rope_sin)?;
-        context.upload(self.inputs.rope_cos, 0, bytemuck::cast_slice(&s.rope_cos))?;
-        context.upload(self.inputs.rope_sin, 0, bytemuck::cast_slice(&s.rope_sin))?;
+        context.upload(self.transformer.inputs.rope_cos, 0, bytemuck::cast_slice(&s.rope_cos))?;
+        context.upload(self.transformer.inputs.rope_sin, 0, bytemuck::cast_slice(&s.rope_sin))?;
         assert_eq!(plan.controls.len(), self.shapes.controls, "controls are [mouse + buttons + scroll]");
-        context.upload(self.inputs.controls, 0, bytemuck::cast_slice(&plan.controls))?;
+        context.upload(self.transformer.inputs.controls, 0, bytemuck::cast_slice(&plan.controls))?;
         for (mask, buffer, ring) in [
-            (&mut s.local_mask, self.inputs.local_mask, &plan.local),
-            (&mut s.global_mask, self.inputs.global_mask, &plan.global),
+            (&mut s.local_mask, self.transformer.inputs.local_mask, &plan.local),
+            (&mut s.global_mask, self.transformer.inputs.global_mask, &plan.global),
         ] {
             fill_mask(mask, ring, self.shapes.tokens);
             self.uploader.upload(context, buffer, mask)?;
@@ -148,7 +131,7 @@ impl Passes {
         s.table.clear();
         s.table.extend(plan.sigmas.iter().zip(&plan.dsigmas).map(|(&sigma, &dsigma)| [sigma, dsigma]));
         s.table.push(extra_row);
-        if let Some(conditioning) = &mut self.conditioning {
+        if let Some(conditioning) = &mut self.transformer.conditioning {
             conditioning.prepare(context, s.table.iter().map(|row| &row[..1]))?;
         }
         context.upload(self.table, 0, bytemuck::cast_slice(&s.table))
@@ -156,13 +139,13 @@ impl Passes {
 
     /// Uploads what passes need of the noise levels of a schedule, so that no step allocates memory for it.
     pub(super) fn prepare_levels(&mut self, context: &mut dyn ExecutionContext, table: &SigmaTable) -> Result<()> {
-        let conditioning = self.conditioning.as_mut();
+        let conditioning = self.transformer.conditioning.as_mut();
         conditioning.map_or(Ok(()), |conditioning| conditioning.prepare(context, table.sigmas.chunks(1)))
     }
 
     /// Embeds the controls of the prepared plan, which its passes need.
     pub(super) fn embed_controls(&self, context: &mut dyn ExecutionContext) -> Result<()> {
-        self.controls.map_or(Ok(()), |controls| context.run(controls))
+        self.transformer.embed_controls(context)
     }
 
     /// Uploads the noise that the prepared plan starts from, if any.
@@ -202,14 +185,14 @@ impl Passes {
         let mut copy = |buffer, offset| {
             context.copy(buffer, self.table, &[Region { to: 0, from: row * ROW + offset, len: ROW / 2 }])
         };
-        if self.reads_levels {
-            copy(self.inputs.sigma, 0)?;
+        if self.transformer.reads_levels {
+            copy(self.transformer.inputs.sigma, 0)?;
         }
-        copy(self.inputs.dsigma, ROW / 2)?;
-        if let Some(conditioning) = &self.conditioning {
+        copy(self.transformer.inputs.dsigma, ROW / 2)?;
+        if let Some(conditioning) = &self.transformer.conditioning {
             conditioning.select(context, &self.staging.table[row][..1])?;
         }
-        self.bindings[from].run(context)
+        self.transformer.run(context, from)
     }
 
     /// Uploads a latent from the caller.
