@@ -49,12 +49,9 @@ pub(crate) fn own_folders() -> Vec<PathBuf> {
 /// The file that holds this code: the library, or the program it is linked into.
 #[cfg(windows)]
 pub(crate) fn own_module() -> Option<PathBuf> {
-    use std::os::windows::ffi::OsStringExt;
-
     use windows::Win32::Foundation::HMODULE;
     use windows::Win32::System::LibraryLoader::{
-        GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS, GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT, GetModuleFileNameW,
-        GetModuleHandleExW,
+        GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS, GET_MODULE_HANDLE_EX_FLAG_UNCHANGED_REFCOUNT, GetModuleHandleExW,
     };
     use windows::core::PCWSTR;
 
@@ -63,6 +60,16 @@ pub(crate) fn own_module() -> Option<PathBuf> {
     let mut module = HMODULE::default();
     // SAFETY: an address in this module, and memory for the handle.
     unsafe { GetModuleHandleExW(flags, PCWSTR(here), &mut module) }.ok()?;
+    module_file(module)
+}
+
+/// The file of a loaded module. Windows only.
+#[cfg(windows)]
+pub(crate) fn module_file(module: windows::Win32::Foundation::HMODULE) -> Option<PathBuf> {
+    use std::os::windows::ffi::OsStringExt;
+
+    use windows::Win32::System::LibraryLoader::GetModuleFileNameW;
+
     // The longest path on Windows.
     let mut name = vec![0; 1 << 15];
     // SAFETY: a loaded module, and the slice's memory.

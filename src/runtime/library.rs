@@ -250,9 +250,9 @@ fn refused(path: &Path, code: windows::core::HRESULT) -> Error {
     let (mut cause, mut remedy) = load_refusal(path, code, REMEDY);
     // The first one of this name serves the whole process.
     let loaded = module::loaded(w!("MSVCP140.dll"));
-    let old = loaded.filter(|runtime| FileVersion::read(&runtime.path).is_some_and(|found| found < OLDEST_RUNTIME));
+    let old = loaded.filter(|runtime| FileVersion::read(runtime).is_some_and(|found| found < OLDEST_RUNTIME));
     if let Some(old) = old {
-        cause.push_str(&format!("; this process has the C++ runtime {}", module::described(&old.path)));
+        cause.push_str(&format!("; this process has the C++ runtime {}", module::described(&old)));
         remedy = "ONNX Runtime needs version 14.40 or newer: replace the one that the program brings by that of Microsoft's current \
                   Visual C++ redistributable for x64";
     }
@@ -273,9 +273,9 @@ fn open(path: &Path) -> Result<libloading::Library> {
 fn report_others(ours: &Path) {
     use super::module;
     let other = module::loaded(windows::core::w!("onnxruntime.dll"))
-        .filter(|other| canonical(&other.path).is_ok_and(|path| path != ours));
+        .filter(|other| canonical(other).is_ok_and(|path| path != ours));
     if let Some(other) = other {
-        log::warn!("another ONNX Runtime is in this process and is not used: {}", module::described(&other.path));
+        log::warn!("another ONNX Runtime is in this process and is not used: {}", module::described(&other));
     }
 }
 

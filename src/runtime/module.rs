@@ -2,24 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use windows::Win32::System::LibraryLoader::{GetModuleFileNameW, GetModuleHandleW};
+use windows::Win32::System::LibraryLoader::GetModuleHandleW;
 use windows::core::{PCWSTR, w};
 
-use crate::libraries::FileVersion;
+use crate::libraries::{FileVersion, module_file};
 
-/// A loaded library of this process.
-pub(super) struct LoadedModule {
-    pub(super) path: PathBuf,
-}
-
-/// The first library of this name in the process, whoever loaded it.
-pub(super) fn loaded(name: PCWSTR) -> Option<LoadedModule> {
+/// The file of the first library of this name in the process, whoever loaded it.
+pub(super) fn loaded(name: PCWSTR) -> Option<PathBuf> {
     // SAFETY: a NUL-terminated name, by the type's promise; no reference is taken.
-    let handle = unsafe { GetModuleHandleW(name) }.ok()?;
-    let mut wide = vec![0; 1 << 15];
-    // SAFETY: a loaded module and a buffer with its length.
-    let length = unsafe { GetModuleFileNameW(Some(handle), &mut wide) } as usize;
-    Some(LoadedModule { path: String::from_utf16_lossy(&wide[..length]).into() })
+    module_file(unsafe { GetModuleHandleW(name) }.ok()?)
 }
 
 /// File names of the libraries that determine a graphics device's results, in addition to the driver.
@@ -50,10 +41,7 @@ pub fn loaded_libraries() -> Vec<LoadedLibrary> {
     RESULT_LIBRARIES
         .into_iter()
         .filter_map(loaded)
-        .map(|module| LoadedLibrary {
-            version: FileVersion::read(&module.path).map(|version| version.to_string()),
-            path: module.path,
-        })
+        .map(|path| LoadedLibrary { version: FileVersion::read(&path).map(|version| version.to_string()), path })
         .collect()
 }
 

@@ -19,19 +19,18 @@ pub(super) fn pin_this_library() {
 
 #[cfg(windows)]
 pub(super) fn pin_this_library() {
-    use std::ffi::c_void;
+    use windows::Win32::Foundation::HMODULE;
+    use windows::Win32::System::LibraryLoader::{
+        GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS, GET_MODULE_HANDLE_EX_FLAG_PIN, GetModuleHandleExW,
+    };
+    use windows::core::PCWSTR;
 
-    const GET_MODULE_HANDLE_EX_FLAG_PIN: u32 = 1;
-    const GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS: u32 = 4;
-    #[link(name = "kernel32")]
-    unsafe extern "system" {
-        fn GetModuleHandleExW(flags: u32, address: *const c_void, module: *mut *mut c_void) -> i32;
-    }
-    let here = pin_this_library as fn() as *const c_void;
-    let mut module = std::ptr::null_mut();
-    // SAFETY: `here` is an address in this module, and `module` receives the handle, which is not used.
-    unsafe {
-        GetModuleHandleExW(GET_MODULE_HANDLE_EX_FLAG_PIN | GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS, here, &mut module);
+    let here = pin_this_library as fn() as *const u16;
+    let flags = GET_MODULE_HANDLE_EX_FLAG_PIN | GET_MODULE_HANDLE_EX_FLAG_FROM_ADDRESS;
+    // SAFETY: an address in this module, and memory for the handle, which is not used.
+    let pinned = unsafe { GetModuleHandleExW(flags, PCWSTR(here), &mut HMODULE::default()) };
+    if let Err(why) = pinned {
+        log::warn!("this library cannot be kept loaded: {why}");
     }
 }
 
