@@ -136,12 +136,9 @@ impl Geometry {
         if g > 0 && g.is_multiple_of(dilation) && g <= most {
             return Ok(());
         }
-        Err(Error::new(
-            ErrorKind::InvalidArgument,
-            format!("{g} is no multiple of {dilation} from {dilation} to {most}"),
-        )
-        .field("global_window")
-        .remedy("Choose one that is"))
+        Err(Error::new(ErrorKind::InvalidArgument, format!("g{g} is no window of this world"))
+            .field("global_window")
+            .remedy(format!("Use a multiple of {dilation} up to {most}")))
     }
 
     /// Number of elements of K, or of V, of one layer at the global window `g`.

@@ -134,8 +134,13 @@ impl KvCache {
         others: RecordedCopiesId,
     ) -> Result<()> {
         let [locals, globals] = &self.commits;
-        let slots = [local.map(|slot| locals[slot]), global.map(|slot| globals[slot]), Some(others)];
-        context.run_copies(&slots.into_iter().flatten().collect::<Vec<_>>())
+        // Without a list on the heap: a step allocates nothing.
+        let (mut copies, mut count) = ([others; 3], 1);
+        for slot in [local.map(|slot| locals[slot]), global.map(|slot| globals[slot])].into_iter().flatten() {
+            copies[count] = slot;
+            count += 1;
+        }
+        context.run_copies(&copies[..count])
     }
 }
 

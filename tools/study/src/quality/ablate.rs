@@ -241,7 +241,8 @@ fn measure(
                             (other, (extraction + with) / (took + without))
                         }
                     };
-                    let lost = if other == made { [0.0; 3] } else { lost(&score, &truth.score(other, lpips)?) };
+                    let without = if other == made { score } else { truth.score(other, lpips)? };
+                    let lost = lost(&score, &without);
                     losses.push(Loss { rule: variant.rule, input, clip: clip.name().into(), lost, time });
                 }
             }
