@@ -338,7 +338,7 @@ static inline cairn_result cairn_ld_load(cairn_ld *cairn, const char *path, char
     if (library == NULL) {
         return cairn_ld_fail(
             CAIRN_ERROR_IO, message, capacity, path, "the library cannot be loaded: ", why,
-            "Put " CAIRN_LD_FILE " there, or name the file that it is");
+            "Put " CAIRN_LD_FILE " there, or give the path of the library");
     }
 
     uint32_t (*version)(void) = NULL;
@@ -383,7 +383,7 @@ static inline cairn_result cairn_ld_load(cairn_ld *cairn, const char *path, char
         cairn_ld_close(library);
         return cairn_ld_fail(
             CAIRN_ERROR_UNSUPPORTED, message, capacity, path, "the library has no ", missing,
-            "Use the whole library of the version that it says it is");
+            "Use a complete library of this version");
     }
     /* In another version, an experimental function of the same name may have other parameters. */
     if (cairn->cairn_version() == CAIRN_VERSION) {

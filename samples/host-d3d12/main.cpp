@@ -98,7 +98,7 @@ static const char *source_name(std::uint32_t source)
 static void print_statistics(const cairn::presenter &presenter)
 {
     const auto s = presenter.statistics().value();
-    std::printf("shown: %llu anchors, %llu generated, %llu beyond a late anchor, %llu that stood; %llu of %llu anchors were late; generator %s\n",
+    std::printf("shown: %llu anchors, %llu generated, %llu extrapolated, %llu held; %llu of %llu anchors were late; generator %s\n",
                 static_cast<unsigned long long>(s.shown_anchors), static_cast<unsigned long long>(s.shown_generated),
                 static_cast<unsigned long long>(s.shown_extrapolated), static_cast<unsigned long long>(s.shown_held),
                 static_cast<unsigned long long>(s.late_anchors), static_cast<unsigned long long>(s.anchors), s.generator);

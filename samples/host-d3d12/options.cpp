@@ -10,8 +10,8 @@ const char options_help[] =
     "  WORLD                a bundle: a directory, or one file; without one, the world inside the library\n"
     "\n"
     "In the window: W A S D walk, the mouse looks around, Space jumps, Esc quits. The graph at the bottom has a bar for each\n"
-    "frame, as high as the time to it was long, with lines at 1/60 and 1/30 s: white for an anchor, green for a generated\n"
-    "frame, yellow for one beyond an anchor that is late, red for one that stands.\n"
+    "frame: its height is the time since the previous frame, with lines at 1/60 and 1/30 s. White is an anchor, green a\n"
+    "generated frame, yellow an extrapolated frame, red a held frame.\n"
     "\n"
     "what is shown\n"
     "  --source world       anchors from the world; so it is without this option\n"
@@ -20,7 +20,7 @@ const char options_help[] =
     "  --scenes PROGRAM     that program; without this option it is looked for beside host-d3d12 and on the PATH\n"
     "  --seed-picture FILE  where the world begins, a PPM (P6) of any size; place.ppm beside host-d3d12 without it\n"
     "  --preset TEXT        how the world runs, such as baseline-112 or stock,g64; stock,pictures:1 without it\n"
-    "  --seed N             decides all noise of the world; 0 without it\n"
+    "  --seed N             seed of the world's noise; 0 without it\n"
     "  --script FILE        what the player does (docs/control-script.md), instead of keyboard and mouse\n"
     "\n"
     "how it is shown\n"
@@ -39,13 +39,13 @@ const char options_help[] =
     "  --frames N           close the window by itself after N frames\n"
     "\n"
     "without a window\n"
-    "  --headless N         make N frames as fast as it goes, always the same: time is counted, not read, and the player does\n"
-    "                       what the script says, or walks ahead\n"
+    "  --headless N         make N frames as fast as possible and reproducibly: time is computed, not measured, and the player\n"
+    "                       does what the script says, or walks ahead\n"
     "  --record DIR         write them there: frame-00000.ppm and so on (of scrgb .pfm), the anchors they were made of as\n"
     "                       anchor-00000.ppm, and frames.csv, which says what each frame is. With a window the anchors only. What the player of\n"
     "                       a world did is in controls.txt, for --script\n"
     "\n"
-    "  --verbose            say what the library says\n"
+    "  --verbose            print the library's log\n"
     "  --help               this\n"
     "\n"
     "Beside host-d3d12 lie cairn.dll, onnxruntime.dll and DirectML.dll; or CAIRN_ONNXRUNTIME names onnxruntime.dll.\n"
@@ -95,7 +95,7 @@ static colours colours_of(const std::string &text)
 static void check_combination(const options &o)
 {
     if (o.headless != 0 && o.frames != 0) throw wrong_options("--frames: is for a window; --headless N says how many frames");
-    if (o.headless != 0 && o.rate != 0) throw wrong_options("--rate: is for a window; without one time is counted");
+    if (o.headless != 0 && o.rate != 0) throw wrong_options("--rate: is for a window; without one, time is computed");
     const bool known = o.multiplier == 1 || o.multiplier == 2 || o.multiplier == 3 || o.multiplier == 4 || o.multiplier == 6;
     if (!known) throw wrong_options("--multiplier: give 1, 2, 3, 4 or 6");
     if (o.scene.empty()) return;

@@ -17,10 +17,10 @@ void input::mouse(float dx, float dy)
     dy_ += dy;
 }
 
-void input::wheel(int notches)
+void input::wheel(float notches)
 {
     const lock_guard lock(lock_);
-    wheel_ += static_cast<float>(notches);
+    wheel_ += notches;
 }
 
 void input::release_keys()
@@ -139,7 +139,8 @@ LRESULT window::handle_message(UINT message, WPARAM w, LPARAM l)
         input_.key(VK_RBUTTON, message == WM_RBUTTONDOWN);
         return 0;
     case WM_MOUSEWHEEL:
-        input_.wheel(GET_WHEEL_DELTA_WPARAM(w) / WHEEL_DELTA);
+        /* Precise wheels and touchpads report fractions of a notch. */
+        input_.wheel(static_cast<float>(GET_WHEEL_DELTA_WPARAM(w)) / WHEEL_DELTA);
         return 0;
     case WM_INPUT:
         handle_mouse(reinterpret_cast<HRAWINPUT>(l));

@@ -26,7 +26,7 @@ class input {
 public:
     void key(std::uint32_t code, bool down);
     void mouse(float dx, float dy);
-    void wheel(int notches);
+    void wheel(float notches);
     /* Releases all keys, because the window has lost the keyboard's focus. */
     void release_keys();
 

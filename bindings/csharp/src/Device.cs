@@ -253,7 +253,7 @@ namespace Cairn
     /// <summary>A device that runs worlds. May be used from any thread.</summary>
     public sealed unsafe class Device : CairnObject
     {
-        private static readonly Native.load_callback Callback = Told;
+        private static readonly Native.load_callback Callback = OnProgress;
         private static readonly IntPtr CallbackAddress = Marshal.GetFunctionPointerForDelegate(Callback);
 
         internal Device(IntPtr value) : base(value, handle => Library.C.device_destroy(handle))
@@ -464,7 +464,7 @@ namespace Cairn
         }
 
         [MonoPInvokeCallback(typeof(Native.load_callback))]
-        private static uint Told(Native.load_progress* progress, void* user)
+        private static uint OnProgress(Native.load_progress* progress, void* user)
         {
             var load = (Load)GCHandle.FromIntPtr((IntPtr)user).Target;
             try

@@ -32,16 +32,19 @@ namespace Cairn
     /// <summary>The library's log. There is one for the whole process; without a sink nothing is logged.</summary>
     public static unsafe class Log
     {
-        private static readonly Native.log_callback Callback = Take;
+        private static readonly Native.log_callback Callback = OnMessage;
         private static readonly IntPtr CallbackAddress = Marshal.GetFunctionPointerForDelegate(Callback);
         private static readonly object Changing = new object();
         private static GCHandle current;
+        // Whether this thread runs a sink. The lock of To is held while the library waits for that.
+        [ThreadStatic]
+        private static bool isInSink;
 
         static Log()
         {
             // The library outlives a domain that an editor unloads, and would still call into it.
-            AppDomain.CurrentDomain.DomainUnload += (sender, told) => End();
-            AppDomain.CurrentDomain.ProcessExit += (sender, told) => End();
+            AppDomain.CurrentDomain.DomainUnload += (sender, arguments) => End();
+            AppDomain.CurrentDomain.ProcessExit += (sender, arguments) => End();
         }
 
         /// <summary>
@@ -56,6 +59,11 @@ namespace Cairn
         /// </exception>
         public static void To(LogSink sink, LogLevel level = LogLevel.Warning)
         {
+            if (isInSink)
+            {
+                const string why = "this is called from within a sink";
+                throw new CairnException(Result.Busy, why, "cairn_set_log_callback", "", why, "Call it after the sink has returned");
+            }
             GCHandle next = sink == null ? default(GCHandle) : GCHandle.Alloc(sink);
             lock (Changing)
             {
@@ -75,16 +83,21 @@ namespace Cairn
         }
 
         [MonoPInvokeCallback(typeof(Native.log_callback))]
-        internal static void Take(uint level, byte* target, byte* message, void* user)
+        internal static void OnMessage(uint level, byte* target, byte* message, void* user)
         {
             try
             {
+                isInSink = true;
                 var sink = (LogSink)GCHandle.FromIntPtr((IntPtr)user).Target;
                 sink((LogLevel)level, Text.Decode((IntPtr)target), Text.Decode((IntPtr)message));
             }
             catch (Exception)
             {
                 // An exception cannot be reported above this.
+            }
+            finally
+            {
+                isInSink = false;
             }
         }
     }

@@ -395,7 +395,7 @@ namespace Cairn
             Native.step_info native = EmptyInfo();
             IntPtr made = IntPtr.Zero;
             int result = CheckResult(Library.C.rollout_poll(Value, Check.NotNegative(ticket, nameof(ticket)), &native, &made));
-            return Taken(result, native, made, out info, out anchor);
+            return ToResult(result, native, made, out info, out anchor);
         }
 
         /// <summary>As <see cref="TryTake"/>, but waits for the step to end.</summary>
@@ -418,7 +418,7 @@ namespace Cairn
             Native.step_info native = EmptyInfo();
             IntPtr made = IntPtr.Zero;
             int result = CheckResult(Library.C.rollout_wait(Value, Check.NotNegative(ticket, nameof(ticket)), most, &native, &made));
-            return Taken(result, native, made, out info, out anchor);
+            return ToResult(result, native, made, out info, out anchor);
         }
 
         /// <summary>
@@ -533,7 +533,7 @@ namespace Cairn
             return new Native.step_info { struct_size = (uint)sizeof(Native.step_info) };
         }
 
-        private static bool Taken(int result, Native.step_info native, IntPtr made, out StepInfo info, out Anchor anchor)
+        private static bool ToResult(int result, Native.step_info native, IntPtr made, out StepInfo info, out Anchor anchor)
         {
             bool taken = result == Native.OK;
             info = new StepInfo(native);

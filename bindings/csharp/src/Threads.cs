@@ -59,7 +59,7 @@ namespace Cairn
         static Threads()
         {
             // The library outlives a domain that an editor unloads, and would still call into it.
-            AppDomain.CurrentDomain.DomainUnload += (sender, told) => End();
+            AppDomain.CurrentDomain.DomainUnload += (sender, arguments) => End();
         }
 
         /// <summary>

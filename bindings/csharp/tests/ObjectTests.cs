@@ -298,7 +298,7 @@ namespace Cairn.Tests
                 fixed (byte* target = Encoding.UTF8.GetBytes("cairn::part\0"))
                 fixed (byte* message = Encoding.UTF8.GetBytes("grün\0"))
                 {
-                    Log.Take((uint)LogLevel.Info, target, message, (void*)System.Runtime.InteropServices.GCHandle.ToIntPtr(handle));
+                    Log.OnMessage((uint)LogLevel.Info, target, message, (void*)System.Runtime.InteropServices.GCHandle.ToIntPtr(handle));
                 }
                 handle.Free();
                 Expect.Equal("Info cairn::part: grün", heard.Last());

@@ -70,6 +70,8 @@ namespace Cairn.Unity
             {
                 held = new Key[0];
                 touched.Clear();
+                moved = Vector2.zero;
+                scrolled = 0;
             }
         }
 

@@ -38,10 +38,10 @@ namespace Cairn.Unity
         [SerializeField, Tooltip("The world that is shown.")]
         private CairnWorld world = null;
 
-        [SerializeField, Tooltip("Width of the frames in pixels.")]
+        [SerializeField, Min(1), Tooltip("Width of the frames in pixels.")]
         private int width = 1280;
 
-        [SerializeField, Tooltip("Height of the frames in pixels.")]
+        [SerializeField, Min(1), Tooltip("Height of the frames in pixels.")]
         private int height = 720;
 
         [SerializeField, Tooltip("Colour format of the texture. Use floats with HDR rendering.")]
@@ -71,7 +71,10 @@ namespace Cairn.Unity
         private Presenter presenter;
         private Plugin.View view;
         private Device device;
+        // Each stays until what has failed succeeds: the texture and the renderer until the component is enabled again.
+        private string setupFailed = "";
         private string failed = "";
+        private string prepareFailed = "";
         private string pushFailed = "";
         private long missed;
         /// <summary>File that keeps compiled pipelines for the next run.</summary>
@@ -127,7 +130,17 @@ namespace Cairn.Unity
         /// <summary>Why nothing is shown; empty if there is no failure.</summary>
         public string Failure
         {
-            get { lock (pushing) return failed.Length > 0 ? failed : pushFailed; }
+            get
+            {
+                lock (pushing)
+                {
+                    foreach (string why in new[] { setupFailed, failed, prepareFailed })
+                    {
+                        if (why.Length > 0) return why;
+                    }
+                    return pushFailed;
+                }
+            }
         }
 
         /// <summary>Anchors dropped because the maximum number was waiting.</summary>
@@ -197,19 +210,21 @@ namespace Cairn.Unity
                 }
                 catch (CairnException why)
                 {
+                    if (pushFailed != why.Message) Debug.LogError("Cairn: " + why.Message);
                     pushFailed = why.Message;
                 }
             }
             // Outside the lock: it takes long, and Unity's main thread must not wait for it.
-            if (unprepared != null) Prepare(with, unprepared, newWidth, newHeight);
+            if (unprepared != null) Prepare(with, unprepared, newWidth, newHeight, anchor.Info);
         }
 
-        private void Prepare(Device with, Presenter unprepared, int newWidth, int newHeight)
+        private void Prepare(Device with, Presenter unprepared, int newWidth, int newHeight, AnchorInfo anchor)
         {
             string why = "";
             try
             {
-                Plugin.Prepare(with, unprepared, newWidth, newHeight, pipelines);
+                // The next anchor tries again.
+                if (!Plugin.Prepare(with, unprepared, newWidth, newHeight, anchor.Width, anchor.Height, pipelines)) return;
             }
             catch (CairnException failure)
             {
@@ -223,7 +238,9 @@ namespace Cairn.Unity
             lock (pushing)
             {
                 if (presenter != unprepared) return;
-                pushFailed = why;
+                // Without the component as context, because it belongs to the main thread.
+                if (why.Length > 0) Debug.LogError("Cairn: " + why);
+                prepareFailed = why;
                 // A size whose preparation failed is not tried again for each anchor.
                 preparedWidth = newWidth;
                 preparedHeight = newHeight;
@@ -234,7 +251,9 @@ namespace Cairn.Unity
         {
             lock (pushing)
             {
+                setupFailed = "";
                 failed = "";
+                prepareFailed = "";
                 pushFailed = "";
                 missed = 0;
                 enabledWorld = world;
@@ -375,7 +394,7 @@ namespace Cairn.Unity
             RenderTextureFormat wanted = FormatOf(enabledFormat);
             if (!SystemInfo.SupportsRenderTextureFormat(wanted))
             {
-                Fail($"This graphics card renders into no texture of {wanted}. Set Format to ARGB32.");
+                FailSetup($"This graphics card renders into no texture of {wanted}. Set Format to ARGB32.");
                 enabledFormat = PresenterFormat.ARGB32;
                 wanted = RenderTextureFormat.ARGB32;
             }
@@ -414,7 +433,7 @@ namespace Cairn.Unity
                 var shown = GetComponent<Renderer>();
                 if (shown == null)
                 {
-                    Fail("The output is Renderer, and there is none beside the presenter.");
+                    FailSetup("The output is Renderer, and there is none beside the presenter.");
                     return;
                 }
                 surface = shown.material;
@@ -436,6 +455,12 @@ namespace Cairn.Unity
             surface.mainTextureOffset = surfaceOffset;
             surface = null;
             surfaceTexture = null;
+        }
+
+        private void FailSetup(string why)
+        {
+            lock (pushing) setupFailed = why;
+            Debug.LogError("Cairn: " + why, this);
         }
 
         private void Fail(string why)

@@ -59,6 +59,7 @@ namespace Cairn.Unity
         private WorldState state = WorldState.Off;
         private string message = "";
         private long anchors;
+        private long lastUpdate;
         private byte[] seedPixels;
         private int seedWidth;
         private int seedHeight;
@@ -217,6 +218,22 @@ namespace Cairn.Unity
             return true;
         }
 
+        private void Update()
+        {
+            NoteUpdate();
+        }
+
+        private void NoteUpdate()
+        {
+            Volatile.Write(ref lastUpdate, Clock.NowNs);
+        }
+
+        /// <summary>Whether the game has not updated for half a second, as while an editor pauses it or another program is in front.</summary>
+        private bool IsHeld
+        {
+            get { return Clock.NowNs - Volatile.Read(ref lastUpdate) > 500000000; }
+        }
+
         private void SetState(WorldState now, string what)
         {
             lock (changing)
@@ -305,8 +322,15 @@ namespace Cairn.Unity
                     {
                         rollout.Append(new PictureView(seed, width, height));
                         device = shown;
-                        Play(rollout);
-                        device = null;
+                        try
+                        {
+                            Play(rollout);
+                        }
+                        finally
+                        {
+                            // Before the device is destroyed: presenters use it as long as they see it.
+                            device = null;
+                        }
                     }
                 }
                 catch (CairnException why) when (why.Result == Result.Cancelled && IsStopping)
@@ -315,14 +339,13 @@ namespace Cairn.Unity
                 }
                 catch (Exception why)
                 {
-                    device = null;
                     owner.SetState(WorldState.Failed, why.Message);
                     // Without the component as context, because it belongs to the main thread.
                     Debug.LogError("Cairn: " + why.Message);
                 }
             }
 
-            /// <summary>Makes one anchor per interval until stopped.</summary>
+            /// <summary>Makes one anchor per interval until stopped, while the game updates.</summary>
             private void Play(Rollout rollout)
             {
                 RolloutInfo info = rollout.Info;
@@ -330,9 +353,19 @@ namespace Cairn.Unity
                 owner.SetState(WorldState.Running, $"{info.OperatingPoint}: {info.LatentsPerSecond} anchors a second");
                 // The player's input while the world was loading is not for its first step. Keys that are still held stay held.
                 if (input != null) input.Take();
+                // Loading may have taken longer than an update may.
+                owner.NoteUpdate();
                 long next = Clock.NowNs;
                 while (!IsStopping)
                 {
+                    if (owner.IsHeld)
+                    {
+                        stopping.WaitOne(20);
+                        // The player's input during a pause is discarded.
+                        if (!owner.IsHeld && input != null) input.Take();
+                        next = Clock.NowNs;
+                        continue;
+                    }
                     rollout.Step(input == null ? default(Controls) : input.Take());
                     using (Anchor anchor = rollout.Anchor()) owner.Show(anchor);
                     // A world that is too slow does not catch up later.

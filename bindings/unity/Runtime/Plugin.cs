@@ -19,11 +19,11 @@ namespace Cairn.Unity
                 uint version = Native.cairn_unity_version();
                 if (version != Native.Version)
                 {
-                    what = $"{Native.Name}.dll has doors of version {version}, and these scripts want {Native.Version}. Take both from one package.";
+                    what = $"{Native.Name}.dll has entry points of version {version}; these scripts need {Native.Version}. Take both from one package.";
                     return false;
                 }
                 int result = Native.cairn_unity_state(null, UIntPtr.Zero, null);
-                what = Told((byte* text, UIntPtr room, UIntPtr* length) => Native.cairn_unity_state(text, room, length));
+                what = ReadText((byte* text, UIntPtr room, UIntPtr* length) => Native.cairn_unity_state(text, room, length));
                 return result == 0;
             }
             catch (DllNotFoundException)
@@ -66,36 +66,39 @@ namespace Cairn.Unity
         public static void Load()
         {
             if (isLoaded) return;
-            Library.Load(Told((byte* text, UIntPtr room, UIntPtr* length) => Native.cairn_unity_path(text, room, length)));
+            Library.Load(ReadText((byte* text, UIntPtr room, UIntPtr* length) => Native.cairn_unity_path(text, room, length)));
             isLoaded = true;
         }
 
         /// <summary>
-        /// Creates everything that a presenter needs for frames of a size. Takes seconds the first time, so call it on a loading thread, after the
-        /// presenter got its first anchor. Until then, and in another size, the nearest anchor is shown. Compiled pipelines are kept in the file
-        /// <paramref name="pipelines"/> for the next run.
+        /// Creates everything that a presenter needs for frames of a size, from anchors of a size. Takes seconds the first time, so call it on a
+        /// loading thread. Until then, and in another size, the nearest anchor is shown. Compiled pipelines are kept in the file
+        /// <paramref name="pipelines"/> for the next run. Returns false if nothing could be prepared yet.
         /// </summary>
         /// <exception cref="CairnException">For example for a required generator that is not available, or too little memory.</exception>
-        internal static void Prepare(Device device, Presenter presenter, int width, int height, string pipelines)
+        internal static bool Prepare(
+            Device device, Presenter presenter, int width, int height, int anchorWidth, int anchorHeight, string pipelines)
         {
             int result;
             fixed (byte* file = Encoding.UTF8.GetBytes(pipelines + "\0"))
             {
-                result = Native.cairn_unity_prepare(device.Value, presenter.Value, (uint)width, (uint)height, file);
+                result = Native.cairn_unity_prepare(
+                    device.Value, presenter.Value, (uint)width, (uint)height, (uint)anchorWidth, (uint)anchorHeight, file);
             }
             CairnException.ThrowIfFailed(result);
             GC.KeepAlive(device);
             GC.KeepAlive(presenter);
+            return result == 0;
         }
 
-        private delegate int Teller(byte* text, UIntPtr room, UIntPtr* length);
+        private delegate int TextFunction(byte* text, UIntPtr room, UIntPtr* length);
 
-        private static string Told(Teller teller)
+        private static string ReadText(TextFunction function)
         {
             UIntPtr length = UIntPtr.Zero;
-            teller(null, UIntPtr.Zero, &length);
+            function(null, UIntPtr.Zero, &length);
             var room = new byte[(int)length + 1];
-            fixed (byte* text = room) teller(text, (UIntPtr)room.Length, &length);
+            fixed (byte* text = room) function(text, (UIntPtr)room.Length, &length);
             // The message may have changed between the two calls.
             return Encoding.UTF8.GetString(room, 0, Math.Min((int)length, room.Length - 1));
         }
@@ -105,6 +108,8 @@ namespace Cairn.Unity
         {
             private readonly CairnObject device;
             private readonly CairnObject presenter;
+            // Reused in every frame.
+            private readonly byte[] message = new byte[1024];
             private IntPtr view;
 
             internal View(Device device, Presenter presenter)
@@ -135,16 +140,15 @@ namespace Cairn.Unity
             /// <summary>Number of frames shown; false if the last event failed, with the reason.</summary>
             internal bool TryGetShown(out long shown, out string why)
             {
-                var room = new byte[1024];
                 ulong frames = 0;
                 UIntPtr length = UIntPtr.Zero;
                 int result;
-                fixed (byte* text = room)
+                fixed (byte* text = message)
                 {
-                    result = Native.cairn_unity_view_get(view, &frames, null, text, (UIntPtr)room.Length, &length);
+                    result = Native.cairn_unity_view_get(view, &frames, null, text, (UIntPtr)message.Length, &length);
                 }
                 shown = (long)frames;
-                why = result < 0 ? Encoding.UTF8.GetString(room, 0, Math.Min((int)length, room.Length - 1)) : "";
+                why = result < 0 ? Encoding.UTF8.GetString(message, 0, Math.Min((int)length, message.Length - 1)) : "";
                 return result >= 0;
             }
 
@@ -167,7 +171,7 @@ namespace Cairn.Unity
         private static class Native
         {
             internal const string Name = "cairn_unity";
-            internal const uint Version = 3;
+            internal const uint Version = 4;
 
             [DllImport(Name)]
             internal static extern uint cairn_unity_version();
@@ -183,7 +187,7 @@ namespace Cairn.Unity
 
             [DllImport(Name)]
             internal static extern int cairn_unity_prepare(
-                IntPtr device, IntPtr presenter, uint width, uint height, byte* pipelines);
+                IntPtr device, IntPtr presenter, uint width, uint height, uint anchorWidth, uint anchorHeight, byte* pipelines);
 
             [DllImport(Name)]
             internal static extern int cairn_unity_view_create(IntPtr device, IntPtr presenter, IntPtr* view);

@@ -167,6 +167,7 @@ namespace Cairn.Unity.Tests
                 Expect.True(world.State != WorldState.Failed && presenter.Failure.Length == 0, world.Message + presenter.Failure);
                 Expect.True(clock.Elapsed.TotalSeconds < 200, "nothing happens");
                 Thread.Sleep(2);
+                world.Send("Update");
                 presenter.Send("LateUpdate");
             }
         }
@@ -207,6 +208,21 @@ namespace Cairn.Unity.Tests
                     return frame.Source == FrameSource.Anchor;
                 });
                 Expect.Same(Anchor((int)frame.Previous, out info), pixels, "an anchor, and one without the input while the world was loading,");
+
+                Until(presenter, world, () => presenter.Field<int>("preparedWidth") == width);
+                Expect.Equal(height, presenter.Field<int>("preparedHeight"));
+
+                // Nothing updates while an editor pauses the game.
+                long resting = -1;
+                long before = -2;
+                for (int i = 0; i < 5 && resting != before; i++)
+                {
+                    before = resting;
+                    Thread.Sleep(1000);
+                    resting = world.Anchors;
+                }
+                Expect.Equal(before, resting);
+                Until(presenter, world, () => world.Anchors > resting + 1);
 
                 var shown = presenter.Field<Presenter>("presenter");
                 presenter.World = new CairnWorld();

@@ -18,7 +18,7 @@ cairn_result cairn_unity_state(char *text, size_t capacity, size_t *length);
 cairn_result cairn_unity_path(char *text, size_t capacity, size_t *length);
 cairn_result cairn_unity_create_device(cairn_device **device);
 cairn_result cairn_unity_prepare(const cairn_device *device, const cairn_presenter *presenter, uint32_t width, uint32_t height,
-                                 const char *pipelines);
+                                 uint32_t anchor_width, uint32_t anchor_height, const char *pipelines);
 cairn_result cairn_unity_view_create(const cairn_device *device, cairn_presenter *presenter, cairn_unity_view **view);
 cairn_result cairn_unity_view_set(cairn_unity_view *view, uint64_t now_ns, void *texture);
 cairn_result cairn_unity_view_get(const cairn_unity_view *view, uint64_t *shown, cairn_frame *frame, char *text, size_t capacity,
@@ -41,7 +41,7 @@ static void copy(const char *from, char *text, size_t capacity, size_t *length)
 /* The version that the scripts ask for. */
 uint32_t cairn_unity_version(void)
 {
-    return 3;
+    return 4;
 }
 
 cairn_result cairn_unity_state(char *text, size_t capacity, size_t *length)
@@ -67,11 +67,13 @@ cairn_result cairn_unity_create_device(cairn_device **device)
     return cairn_device_create_cpu(NULL, device);
 }
 
+/* The first call finds the presenter without an anchor, as where a device is still finishing it. Without the anchors' size none succeeds. */
 cairn_result cairn_unity_prepare(const cairn_device *device, const cairn_presenter *presenter, uint32_t width, uint32_t height,
-                                 const char *pipelines)
+                                 uint32_t anchor_width, uint32_t anchor_height, const char *pipelines)
 {
+    static int calls;
     (void)device, (void)presenter, (void)width, (void)height, (void)pipelines;
-    return CAIRN_OK;
+    return anchor_width > 0 && anchor_height > 0 && calls++ > 0 ? CAIRN_OK : CAIRN_NOT_READY;
 }
 
 cairn_result cairn_unity_view_create(const cairn_device *device, cairn_presenter *presenter, cairn_unity_view **view)

@@ -309,6 +309,16 @@ void capture(level& in, ETextureRenderTargetFormat format)
     shown.component.AppendRenderTarget(&seen);
     shown.component.SetPaused(false);
     expect(shown.until([&] { return shown.component.GetStatistics().Anchors > held + 2; }), "it goes on, with an edit");
+
+    /* An engine does not tick a component of a paused game. */
+    int64 resting = -1, before = -2;
+    for (int i = 0; i < 5 && resting != before; i++) {
+        before = resting;
+        Sleep(1000);
+        resting = shown.component.GetStatistics().Anchors;
+    }
+    expect(resting == before, "a game that does not tick holds the world");
+    expect(shown.until([&] { return shown.component.GetStatistics().Anchors > resting + 1; }), "it goes on with the next tick");
     shown.component.Stop();
 }
 
@@ -630,7 +640,7 @@ int main()
     }
     folder = words[1];
     if (std::wstring(words[2]) == L"load") {
-        const FString& why = FCairnRuntimeModule::Get().WhyNot();
+        const FString& why = FCairnRuntimeModule::Get().GetUnavailableReason();
         std::printf("why: %s\n", TCHAR_TO_UTF8(*why));
         if (why.IsEmpty()) std::printf("its functions are those of the plugin's library: %d\n", cairn::version() == CAIRN_VERSION);
         FModuleManager::Shutdown();

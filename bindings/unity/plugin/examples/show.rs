@@ -204,11 +204,13 @@ mod show {
         }
         let (width, height, nowhere) = (size.0, size.1, null::<std::ffi::c_char>());
         call!(
-            cairn_unity_prepare as unsafe extern "C" fn(_, _, _, _, _) -> _,
+            cairn_unity_prepare as unsafe extern "C" fn(_, _, _, _, _, _, _) -> _,
             frames,
             presenter,
             width,
             height,
+            0,
+            0,
             nowhere
         );
         call!(cairn_unity_view_create as unsafe extern "C" fn(_, _, _) -> _, frames, presenter, &raw mut view);

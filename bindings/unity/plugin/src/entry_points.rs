@@ -19,7 +19,7 @@ use super::plugin::{self, Event};
 use super::{events, guarded, text, views};
 
 /// Version of these functions, which C# compares with the one it was written for.
-pub const CAIRN_UNITY_VERSION: u32 = 3;
+pub const CAIRN_UNITY_VERSION: u32 = 4;
 
 /// Handle of a view: a number, never an address.
 pub struct cairn_unity_view(());
@@ -84,8 +84,11 @@ pub unsafe extern "C" fn cairn_unity_create_device(device: *mut *mut cairn_devic
 }
 
 /// Creates everything that a presenter needs for frames of a size, in any format. Results are those of cairn_presenter_prepare_d3d12. Blocks,
-/// the first time for seconds, so call it on a loading thread, after the presenter got its first anchor, and again for each other size.
-/// Frames of a size that is not prepared show the nearest anchor.
+/// the first time for seconds, so call it on a loading thread, and again for each other size. Frames of a size that is not prepared show the
+/// nearest anchor.
+///
+/// anchor_width, anchor_height: size of the anchors. Both 0 for that of the anchors that have arrived: CAIRN_NOT_READY, with nothing prepared, if
+/// none has, as where the device is still finishing the first one.
 ///
 /// pipelines: path of a file in UTF-8 that keeps compiled pipelines between runs of the game; null for none. The file and its folder are
 /// created. A file that is damaged or of another driver is replaced. If it cannot be written, the next run compiles again.
@@ -101,6 +104,8 @@ pub unsafe extern "C" fn cairn_unity_prepare(
     presenter: *const cairn_presenter,
     width: u32,
     height: u32,
+    anchor_width: u32,
+    anchor_height: u32,
     pipelines: *const c_char,
 ) -> cairn_result {
     guarded(CAIRN_ERROR_INTERNAL, || {
@@ -113,8 +118,8 @@ pub unsafe extern "C" fn cairn_unity_prepare(
             format: 0,
             width,
             height,
-            anchor_width: 0,
-            anchor_height: 0,
+            anchor_width,
+            anchor_height,
             anchor_pictures: 0,
             latent_channels: 0,
             latent_height: 0,

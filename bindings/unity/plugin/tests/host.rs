@@ -120,7 +120,7 @@ impl Scene {
         let device = create_handle(|to| unsafe { cairn_unity_create_device(to) });
         let presenter = presenter(colour_space);
         // SAFETY: live handles, and a text that lives during the call.
-        assert_eq!(unsafe { cairn_unity_prepare(device, presenter, SIZE.0, SIZE.1, file) }, CAIRN_OK);
+        assert_eq!(unsafe { cairn_unity_prepare(device, presenter, SIZE.0, SIZE.1, SIZE.0, SIZE.1, file) }, CAIRN_OK);
         // SAFETY: live handles and a writable view.
         let view = create_handle(|to| unsafe { cairn_unity_view_create(device, presenter, to) });
         Self { device, presenter, view }

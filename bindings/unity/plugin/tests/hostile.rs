@@ -165,10 +165,13 @@ fn events_and_entry_points_accept_any_arguments() {
     let mut view = null_mut();
     // SAFETY: pointers are null or writable, and handles are looked up.
     unsafe {
-        assert_eq!(cairn_unity_prepare(null(), presenter, 1, 1, null()), CAIRN_ERROR_INVALID_HANDLE);
-        assert_eq!(cairn_unity_prepare(device, null(), 1, 1, null()), CAIRN_ERROR_INVALID_HANDLE);
-        assert_eq!(cairn_unity_prepare(device, presenter, 1, 1, c"pipelines".as_ptr()), CAIRN_ERROR_INVALID_HANDLE);
-        assert_eq!(cairn_unity_prepare(device, presenter, 1, 1, c"\xFF".as_ptr()), CAIRN_ERROR_INVALID_ARGUMENT);
+        assert_eq!(cairn_unity_prepare(null(), presenter, 1, 1, 0, 0, null()), CAIRN_ERROR_INVALID_HANDLE);
+        assert_eq!(cairn_unity_prepare(device, null(), 1, 1, 0, 0, null()), CAIRN_ERROR_INVALID_HANDLE);
+        assert_eq!(
+            cairn_unity_prepare(device, presenter, 1, 1, 0, 0, c"pipelines".as_ptr()),
+            CAIRN_ERROR_INVALID_HANDLE
+        );
+        assert_eq!(cairn_unity_prepare(device, presenter, 1, 1, 0, 0, c"\xFF".as_ptr()), CAIRN_ERROR_INVALID_ARGUMENT);
         assert_eq!(cairn_unity_view_create(device, presenter, null_mut()), CAIRN_ERROR_INVALID_ARGUMENT);
         assert_eq!(cairn_unity_view_create(null(), presenter, &mut view), CAIRN_ERROR_INVALID_HANDLE);
         assert_eq!(cairn_unity_view_create(device, null_mut(), &mut view), CAIRN_ERROR_INVALID_HANDLE);

@@ -20,7 +20,15 @@ namespace
 		{TEXT("Left"), 0x25}, {TEXT("Up"), 0x26}, {TEXT("Right"), 0x27}, {TEXT("Down"), 0x28}, {TEXT("Insert"), 0x2D},
 		{TEXT("Delete"), 0x2E}, {TEXT("Zero"), 0x30}, {TEXT("One"), 0x31}, {TEXT("Two"), 0x32}, {TEXT("Three"), 0x33},
 		{TEXT("Four"), 0x34}, {TEXT("Five"), 0x35}, {TEXT("Six"), 0x36}, {TEXT("Seven"), 0x37}, {TEXT("Eight"), 0x38},
-		{TEXT("Nine"), 0x39}};
+		{TEXT("Nine"), 0x39}, {TEXT("NumPadZero"), 0x60}, {TEXT("NumPadOne"), 0x61}, {TEXT("NumPadTwo"), 0x62},
+		{TEXT("NumPadThree"), 0x63}, {TEXT("NumPadFour"), 0x64}, {TEXT("NumPadFive"), 0x65}, {TEXT("NumPadSix"), 0x66},
+		{TEXT("NumPadSeven"), 0x67}, {TEXT("NumPadEight"), 0x68}, {TEXT("NumPadNine"), 0x69}, {TEXT("Multiply"), 0x6A},
+		{TEXT("Add"), 0x6B}, {TEXT("Subtract"), 0x6D}, {TEXT("Decimal"), 0x6E}, {TEXT("Divide"), 0x6F}, {TEXT("F1"), 0x70},
+		{TEXT("F2"), 0x71}, {TEXT("F3"), 0x72}, {TEXT("F4"), 0x73}, {TEXT("F5"), 0x74}, {TEXT("F6"), 0x75}, {TEXT("F7"), 0x76},
+		{TEXT("F8"), 0x77}, {TEXT("F9"), 0x78}, {TEXT("F10"), 0x79}, {TEXT("F11"), 0x7A}, {TEXT("F12"), 0x7B}, {TEXT("CapsLock"), 0x14},
+		{TEXT("Semicolon"), 0xBA}, {TEXT("Equals"), 0xBB}, {TEXT("Comma"), 0xBC}, {TEXT("Hyphen"), 0xBD}, {TEXT("Period"), 0xBE},
+		{TEXT("Slash"), 0xBF}, {TEXT("Tilde"), 0xC0}, {TEXT("LeftBracket"), 0xDB}, {TEXT("Backslash"), 0xDC}, {TEXT("RightBracket"), 0xDD},
+		{TEXT("Apostrophe"), 0xDE}};
 
 	const TCHAR* const DefaultKeys[] = {
 		TEXT("W"), TEXT("A"), TEXT("S"), TEXT("D"), TEXT("E"), TEXT("Q"), TEXT("R"), TEXT("F"), TEXT("Up"), TEXT("Down"),

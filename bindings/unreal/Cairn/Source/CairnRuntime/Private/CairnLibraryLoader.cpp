@@ -35,7 +35,7 @@ FString CairnLibraryLoader::Load()
 	if (cairn_ld_load(&Loaded, TCHAR_TO_UTF8(*File), Message, sizeof Message) != CAIRN_OK)
 	{
 		return FString(TEXT("Cairn: ")) + UTF8_TO_TCHAR(Message) +
-			TEXT(". Take the plugin whole from Cairn's Windows archive, and package the game anew");
+			TEXT(". Copy the complete plugin from Cairn's Windows archive, and package the game again");
 	}
 	FString Why;
 	if (Loaded.cairn_presenter_record_d3d12 == nullptr)

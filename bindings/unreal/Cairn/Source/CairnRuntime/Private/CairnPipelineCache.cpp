@@ -22,15 +22,15 @@ namespace
 
 uint64_t FCairnPipelineCache::Load(void* Bytes, uint64_t Capacity, void* User)
 {
-	TArray64<uint8>& Loaded = static_cast<FCairnPipelineCache*>(User)->Loaded;
-	if (Bytes == nullptr && !FFileHelper::LoadFileToArray(Loaded, *PipelineFile(), FILEREAD_Silent))
+	TArray64<uint8>& Content = static_cast<FCairnPipelineCache*>(User)->Loaded;
+	if (Bytes == nullptr && !FFileHelper::LoadFileToArray(Content, *PipelineFile(), FILEREAD_Silent))
 	{
-		Loaded.Empty();
+		Content.Empty();
 	}
-	const uint64_t Size = static_cast<uint64_t>(Loaded.Num());
+	const uint64_t Size = static_cast<uint64_t>(Content.Num());
 	if (Bytes != nullptr && Size <= Capacity)
 	{
-		std::memcpy(Bytes, Loaded.GetData(), static_cast<std::size_t>(Size));
+		std::memcpy(Bytes, Content.GetData(), static_cast<std::size_t>(Size));
 	}
 	return Size;
 }

@@ -21,6 +21,8 @@ namespace
 
 	/** The thread's longest sleep, so that it reacts to changes within this time. */
 	constexpr uint32 LongestSleepMs = 50;
+	/** A game that has not ticked for so long is paused or in the background. */
+	constexpr uint64 LongestTickNs = 500000000;
 
 	// Blueprints see the library's own frame source numbers.
 	static_assert(static_cast<uint32>(ECairnFrameSource::Anchor) == CAIRN_FRAME_ANCHOR, "as in cairn.h");
@@ -48,9 +50,10 @@ FCairnStream::FCairnStream(FCairnSettings InSettings, TSharedRef<FCairnWorlds, E
 }
 
 TSharedRef<FCairnStream, ESPMode::ThreadSafe> FCairnStream::Start(
-	FCairnSettings Settings, TSharedRef<FCairnWorlds, ESPMode::ThreadSafe> Worlds)
+	FCairnSettings InSettings, TSharedRef<FCairnWorlds, ESPMode::ThreadSafe> InWorlds)
 {
-	const TSharedRef<FCairnStream, ESPMode::ThreadSafe> Made = MakeShareable(new FCairnStream(MoveTemp(Settings), MoveTemp(Worlds)));
+	const TSharedRef<FCairnStream, ESPMode::ThreadSafe> Made =
+		MakeShareable(new FCairnStream(MoveTemp(InSettings), MoveTemp(InWorlds)));
 	FCairnStream& Stream = *Made;
 	Stream.Thread.Reset(FRunnableThread::Create(&Stream, TEXT("Cairn anchors"), 0, TPri_BelowNormal));
 	if (!Stream.Thread.IsValid())
@@ -132,6 +135,11 @@ void FCairnStream::Fail(const FString& Message)
 		Failure = Message;
 	}
 	RequestStop();
+}
+
+void FCairnStream::NoteTick(uint64 NowNs)
+{
+	LastTickNs = NowNs;
 }
 
 void FCairnStream::SetPaused(bool bHold)
@@ -294,10 +302,14 @@ cairn::result<void> FCairnStream::Play()
 	{
 		return Made.ok() ? Info.why() : Made.why();
 	}
+	// Loading may have taken longer than a tick may.
+	LastTickNs = CairnNow();
 	// The player's input while the world was loading is not for its first step. Keys that are still held stay held.
 	(void)Input.Take(KnownKeys);
 	const uint64 Interval = 1000000000 / FMath::Max<uint32>(Info->latents_per_second, 1);
-	for (uint64 StartNs = CairnNow();; StartNs = FMath::Max(StartNs + Interval, CairnNow()))
+	// Start of the next step: one interval after that of the step before, however long that took.
+	uint64 NextNs = CairnNow() + Interval;
+	for (;;)
 	{
 		const cairn::result<cairn::anchor> Anchor = Rollout.anchor();
 		if (!Anchor.ok())
@@ -309,12 +321,13 @@ cairn::result<void> FCairnStream::Play()
 		{
 			return Pushed.why();
 		}
-		// A late anchor does not make the next ones come faster.
-		const cairn::result<bool> Continues = Wait(StartNs + Interval);
+		const cairn::result<bool> Continues = Wait(NextNs);
 		if (!Continues.ok() || !*Continues)
 		{
 			return Continues.ok() ? cairn::result<void>() : Continues.why();
 		}
+		// A late anchor does not make the next ones come faster.
+		NextNs = FMath::Max(NextNs + Interval, CairnNow());
 		FCairnPicture Edit;
 		{
 			const FScopeLock Locked(&Lock);
@@ -356,7 +369,7 @@ cairn::result<void> FCairnStream::PushAnchor(const cairn::anchor& Anchor)
 }
 
 /**
- * Waits until a time, and while the stream is paused. Prepares frames of a new size meanwhile. The player's input during a pause is discarded.
+ * Waits until a time, and while the stream is paused or the game does not tick. Prepares frames of a new size meanwhile. The player's input during a pause is discarded.
  * Returns false if the stream shall stop.
  */
 cairn::result<bool> FCairnStream::Wait(uint64 UntilNs)
@@ -369,7 +382,7 @@ cairn::result<bool> FCairnStream::Wait(uint64 UntilNs)
 		{
 			return Prepared.why();
 		}
-		const bool bHold = bPaused;
+		const bool bHold = bPaused || CairnNow() > LastTickNs + LongestTickNs;
 		if (bWasPaused && !bHold)
 		{
 			(void)Input.Take(KnownKeys);
@@ -388,7 +401,7 @@ cairn::result<bool> FCairnStream::Wait(uint64 UntilNs)
 
 /* ---- Frames ------------------------------------------------------------------------------------------------------ */
 
-bool FCairnStream::IsDue(uint64 NowNs, FIntPoint Size)
+bool FCairnStream::IsDue(uint64 NowNs, const void* InTarget, FIntPoint Size)
 {
 	if (!bReady || bStopping)
 	{
@@ -400,13 +413,15 @@ bool FCairnStream::IsDue(uint64 NowNs, FIntPoint Size)
 		Fail(UTF8_TO_TCHAR(Due.why().what()));
 		return false;
 	}
+	const bool bRedraw = bMustRedraw.exchange(false);
 	// A frame that is in the target already is not drawn again.
-	if (!*Due || (Size == RequestedSize && (**Due).position == RequestedFrame.position && (**Due).since_ns == RequestedFrame.since_ns &&
+	if (!*Due || (!bRedraw && InTarget == RequestedTarget && Size == RequestedSize && (**Due).position == RequestedFrame.position && (**Due).since_ns == RequestedFrame.since_ns &&
 		(**Due).source == RequestedFrame.source))
 	{
 		return false;
 	}
 	RequestedFrame = **Due;
+	RequestedTarget = InTarget;
 	RequestedSize = Size;
 	return true;
 }
@@ -449,7 +464,13 @@ uint64 FCairnStream::Record(ID3D12GraphicsCommandList* List, ID3D12Resource* Tex
 	// There is no anchor yet, or all prepared lists wait for the device: the target keeps its content.
 	if (!*Drawn)
 	{
+		bMustRedraw = true;
 		return 0;
+	}
+	// The frame that is due takes the place of an anchor as soon as its size is prepared.
+	if (((**Drawn).flags & CAIRN_FRAME_UNPREPARED) != 0)
+	{
+		bMustRedraw = true;
 	}
 	{
 		const FScopeLock Locked(&Lock);

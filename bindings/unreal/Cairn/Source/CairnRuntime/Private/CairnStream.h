@@ -41,7 +41,7 @@ class FCairnStream final : public FRunnable
 {
 public:
 	static TSharedRef<FCairnStream, ESPMode::ThreadSafe> Start(
-		FCairnSettings Settings, TSharedRef<FCairnWorlds, ESPMode::ThreadSafe> Worlds);
+		FCairnSettings InSettings, TSharedRef<FCairnWorlds, ESPMode::ThreadSafe> InWorlds);
 	virtual ~FCairnStream() override;
 
 	/** Asks the thread to stop. Does not wait. */
@@ -64,12 +64,17 @@ public:
 	void Fail(const FString& Message);
 
 	void SetPaused(bool bHold);
+	/** Says that the game runs. Without it for half a second, as while the game is paused, the world holds and input is discarded. */
+	void NoteTick(uint64 NowNs);
 	/** Makes a picture the world's next picture. */
 	void Append(FCairnPicture Picture);
 	FCairnInput Input;
 
-	/** Whether a frame is due that the target does not show yet. The caller then draws it. Game thread. */
-	bool IsDue(uint64 NowNs, FIntPoint Size);
+	/**
+	 * Whether a frame is due that the target does not show yet. The caller then draws it. InTarget is an address that tells targets apart. Game
+	 * thread.
+	 */
+	bool IsDue(uint64 NowNs, const void* InTarget, FIntPoint Size);
 	/** Whether a frame was drawn. */
 	bool HasDrawn() const { return bDrawn; }
 	FCairnStatistics GetStatistics() const;
@@ -104,6 +109,9 @@ private:
 	std::atomic<bool> bEnded{false};
 	std::atomic<bool> bReady{false};
 	std::atomic<bool> bPaused{false};
+	std::atomic<uint64> LastTickNs{0};
+	/** Whether the target shows another frame than the one that was requested last. */
+	std::atomic<bool> bMustRedraw{false};
 	std::atomic<bool> bDrawn{false};
 	std::atomic<float> Progress{0.0f};
 
@@ -130,6 +138,7 @@ private:
 
 	/** Used by the game thread only: the frame that it requested last. */
 	cairn::frame RequestedFrame;
+	const void* RequestedTarget = nullptr;
 	FIntPoint RequestedSize = FIntPoint(0, 0);
 
 	/** Used by the recording thread only: the size that the presenter was given. */

@@ -163,8 +163,8 @@ void UCairnWorldComponent::Start()
 	Settings.TargetSize = bDrawIntoTarget && Target != nullptr ? FIntPoint(Target->SizeX, Target->SizeY) : FIntPoint(0, 0);
 	Settings.FrameBudgetMs = FrameBudgetMs;
 	Settings.BudgetSchedules = BudgetSchedules;
-	bSaidReady = false;
-	SaidProgress = -1.0f;
+	bReadyFired = false;
+	LastProgress = -1.0f;
 	Stream = FCairnStream::Start(MoveTemp(Settings), Shared->GetWorlds().ToSharedRef());
 }
 
@@ -239,6 +239,7 @@ void UCairnWorldComponent::TickComponent(float DeltaTime, ELevelTick TickType, F
 	{
 		return;
 	}
+	Stream->NoteTick(CairnNow());
 	const FString Failure = Stream->GetFailure();
 	if (!Failure.IsEmpty())
 	{
@@ -246,9 +247,9 @@ void UCairnWorldComponent::TickComponent(float DeltaTime, ELevelTick TickType, F
 		return;
 	}
 	const float Progress = Stream->GetProgress();
-	if (Progress != SaidProgress)
+	if (Progress != LastProgress)
 	{
-		SaidProgress = Progress;
+		LastProgress = Progress;
 		OnProgress.Broadcast(Progress);
 	}
 	// An event's handler may have stopped the component.
@@ -256,9 +257,9 @@ void UCairnWorldComponent::TickComponent(float DeltaTime, ELevelTick TickType, F
 	{
 		ReadPlayerInput();
 	}
-	if (Stream.IsValid() && !bSaidReady && Stream->HasDrawn())
+	if (Stream.IsValid() && !bReadyFired && Stream->HasDrawn())
 	{
-		bSaidReady = true;
+		bReadyFired = true;
 		OnReady.Broadcast();
 	}
 	if (Stream.IsValid() && bDrawIntoTarget && Stream->GetSize().X > 0 && MakeTarget())
@@ -312,7 +313,7 @@ void UCairnWorldComponent::Draw()
 {
 	const uint64 Now = CairnNow();
 	FTextureRenderTargetResource* const Resource = Target->GameThread_GetRenderTargetResource();
-	if (Resource == nullptr || !Stream->IsDue(Now, FIntPoint(Target->SizeX, Target->SizeY)))
+	if (Resource == nullptr || !Stream->IsDue(Now, Resource, FIntPoint(Target->SizeX, Target->SizeY)))
 	{
 		return;
 	}
@@ -333,9 +334,9 @@ void UCairnWorldComponent::Draw()
 
 void UCairnWorldComponent::Start()
 {
-	bSaidReady = false;
-	SaidProgress = -1.0f;
-	Fail(FCairnRuntimeModule::Get().WhyNot());
+	bReadyFired = false;
+	LastProgress = -1.0f;
+	Fail(FCairnRuntimeModule::Get().GetUnavailableReason());
 }
 
 void UCairnWorldComponent::SetPaused(bool) {}

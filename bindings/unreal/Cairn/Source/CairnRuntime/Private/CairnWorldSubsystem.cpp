@@ -24,7 +24,7 @@ bool UCairnWorldSubsystem::IsAvailable() const
 
 FString UCairnWorldSubsystem::GetUnavailableReason() const
 {
-	FString Why = FCairnRuntimeModule::Get().WhyNot();
+	FString Why = FCairnRuntimeModule::Get().GetUnavailableReason();
 #if CAIRN_WITH_D3D12
 	if (Why.IsEmpty())
 	{
@@ -38,7 +38,7 @@ TArray<FCairnRequirement> UCairnWorldSubsystem::GetRequirements() const
 {
 	TArray<FCairnRequirement> Made;
 #if CAIRN_WITH_D3D12
-	if (!FCairnRuntimeModule::Get().WhyNot().IsEmpty())
+	if (!FCairnRuntimeModule::Get().GetUnavailableReason().IsEmpty())
 	{
 		return Made;
 	}
@@ -60,7 +60,7 @@ TArray<FCairnRequirement> UCairnWorldSubsystem::GetRequirements() const
 FString UCairnWorldSubsystem::GetLibraryVersion() const
 {
 #if CAIRN_WITH_D3D12
-	if (FCairnRuntimeModule::Get().WhyNot().IsEmpty())
+	if (FCairnRuntimeModule::Get().GetUnavailableReason().IsEmpty())
 	{
 		return CairnVersionText(cairn::version());
 	}

@@ -17,7 +17,7 @@ public:
 	virtual void ShutdownModule() override;
 
 	/** Why the library cannot be used, with a remedy; empty if it can. */
-	const FString& WhyNot() const { return Why; }
+	const FString& GetUnavailableReason() const { return Why; }
 
 	/**
 	 * Stops a stream and keeps it until its thread and its frames have ended. Does not wait, unless the engine ends and the module no longer

@@ -169,6 +169,6 @@ private:
 	UPROPERTY(Transient)
 	TObjectPtr<UTextureRenderTarget2D> MadeTarget;
 
-	bool bSaidReady = false;
-	float SaidProgress = -1.0f;
+	bool bReadyFired = false;
+	float LastProgress = -1.0f;
 };
