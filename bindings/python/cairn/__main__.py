@@ -25,13 +25,13 @@ def parser() -> argparse.ArgumentParser:
     check = commands.add_parser(
         "doctor",
         help="whether Cairn works here",
-        description="Looks at Python, the library, ONNX Runtime, the device, a world and a step of it. "
-        "Says of each what was found, and of what is wrong why it is needed and what to do. Ends with 1 when something is wrong.",
+        description="Checks Python, the library, ONNX Runtime, the device and a world, and makes one step. "
+        "Prints each finding and, for a failure, the reason and the remedy. Exits with 1 if anything failed.",
     )
     check.add_argument("--world", metavar="PATH", help="load this bundle instead of the world inside the library")
     check.add_argument("--onnxruntime", metavar="FILE", help="the library file of ONNX Runtime; else it is looked for")
     check.add_argument("--half", action="store_true", help="check as well that float16 is enough for the world")
-    check.add_argument("--verbose", action="store_true", help="say of everything what it is for")
+    check.add_argument("--verbose", action="store_true", help="explain every line")
     return top
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Iterable
+from functools import partial
 from typing import TYPE_CHECKING
 
 from .controls import Controls
@@ -53,14 +54,16 @@ async def submit_when_ready(submit: Callable[[], int | None]) -> int:
 
 
 async def cancel_steps(rollout: Rollout, tickets: Iterable[int]) -> None:
-    """Cancels queued steps, and returns when the rollout is idle. A cancellation meanwhile is raised afterwards."""
+    """Cancels queued steps, and returns when the rollout is idle: also the step in progress, which may be another one, has ended. A
+    cancellation meanwhile is raised afterwards.
+    """
     if rollout.closed:
         return
     rollout.cancel()
     poller = _Poller()
     again: asyncio.CancelledError | None = None
-    for ticket in tickets:
-        while not _has_ended(rollout, ticket):
+    for is_over in (*(partial(_has_ended, rollout, ticket) for ticket in tickets), partial(_is_idle, rollout)):
+        while not is_over():
             try:
                 await poller.pause()
             except asyncio.CancelledError as error:
@@ -79,6 +82,14 @@ def _has_ended(rollout: Rollout, ticket: int) -> bool:
         # The step was made before it could be cancelled. Its result is not wanted.
         found[1].close()
     return found is not None
+
+
+def _is_idle(rollout: Rollout) -> bool:
+    try:
+        return rollout.statistics.queue_depth == 0
+    except Error:
+        # The rollout was closed.
+        return True
 
 
 async def play(rollout: Rollout, controls: Iterable[Controls]) -> AsyncIterator[Anchor]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import operator
 import os
 import sys
 import threading
 import warnings
 from ctypes import byref, c_size_t, c_void_p
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex
 
 from . import _interface as c
 from . import _library_file
@@ -118,6 +119,9 @@ _loading = threading.Lock()
 def library() -> Library:
     """The library; loads it at first use."""
     global _loaded
+    # Without the lock: a finaliser may call this on a thread that holds it.
+    if _loaded is not None:
+        return _loaded
     with _loading:
         if _loaded is None:
             _loaded = Library(find())
@@ -160,12 +164,38 @@ def read_text(name: str, *arguments: Any) -> str:
             raise last_error(result)
 
 
-def make(name: str, *arguments: Any) -> int:
-    """Calls a function that creates an object and returns the handle, which the function writes to its last parameter."""
+def make(kind: str, name: str, *arguments: Any) -> int:
+    """Calls a function that creates an object of this kind, and returns the handle, which the function writes to its last parameter."""
     handle = c_void_p()
-    call(name, *arguments, byref(handle))
+    call_for_handle(kind, handle, name, *arguments, byref(handle))
     assert handle.value is not None, f"cairn_{name} gave no handle"
     return handle.value
+
+
+def call_for_handle(kind: str, handle: c_void_p, name: str, *arguments: Any) -> int:
+    """Does what `call` does, for a function that may write the handle of an object of this kind. After an exception there is no object."""
+    try:
+        return call(name, *arguments)
+    except BaseException:
+        # Python raises a Ctrl+C of the time of the call right after it, when the object may exist.
+        if handle.value is not None:
+            library().functions[f"{kind}_destroy"](handle)
+        raise
+
+
+def whole(field: str, value: SupportsIndex, low: int, high: int, remedy: str = "") -> int:
+    """A whole number as an int. ctypes cuts one that does not fit into its type, and does not tell.
+
+    Raises `InvalidArgument` if it is not from `low` to `high`, and for another type, such as a float.
+    """
+    remedy = remedy or f"Give a whole number from {low} to {high}"
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise refuse(field, f"{value!r} is no whole number", remedy) from None
+    if not low <= number <= high:
+        raise refuse(field, f"{number} is out of range", remedy)
+    return number
 
 
 def encoded(text: str | os.PathLike[str] | None, field: str) -> bytes | None:

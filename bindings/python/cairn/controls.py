@@ -11,7 +11,7 @@ from typing import Self
 
 from . import _interface as c
 from ._handles import Object
-from ._library import call, make, read_text
+from ._library import call, make, read_text, whole
 from .errors import refuse
 
 KEYS: dict[str, int] = {
@@ -64,6 +64,9 @@ KEYS: dict[str, int] = {
 }
 """Windows virtual-key codes by the names that control scripts use."""
 
+_LONGEST_SCRIPT = 86_400
+"""Seconds of world time that a script may have."""
+
 
 def key_code(key: int | str) -> int:
     """The virtual-key code of a key. The key is a code, 0 to 255, or a name in upper or lower case, such as `W` or `VK_0x57`.
@@ -77,9 +80,8 @@ def key_code(key: int | str) -> int:
         if name not in KEYS:
             raise refuse("keys", f"there is no key called {key!r}", "Use a name from cairn.KEYS, or a code from 0 to 255")
         return KEYS[name]
-    if not 0 <= key <= 255:
-        raise refuse("keys", f"{key} is no virtual-key code", "Use a code from 0 to 255, or a name from cairn.KEYS")
-    return key
+    # A number of a small numpy type would lose bits in shifts.
+    return whole("keys", key, 0, 255, "Use a code from 0 to 255, or a name from cairn.KEYS")
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,7 @@ class Script(Object):
     def __init__(self, text: str) -> None:
         """Raises `InvalidArgument` with line and column of the error; `Unsupported` for a newer version of the format."""
         data = text.encode(errors="surrogatepass")
-        super().__init__(make("script_create", data, len(data)))
+        super().__init__(make("script", "script_create", data, len(data)))
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Self:
@@ -140,9 +142,12 @@ class Script(Object):
         return script
 
     def controls(self, latent: int, latents_per_second: int) -> Controls:
-        """The controls of the latent step with that number, from 1; `latents_per_second` is the rollout's, 1 to 240."""
+        """The controls of the latent step with that number, from 1; `latents_per_second` is the rollout's, 1 to 240.
+
+        Raises `InvalidArgument`, also if the mouse moves farther in the step than `Controls` allows.
+        """
         struct = c.Controls()
-        call("script_get_controls", self._handle, latent, latents_per_second, byref(struct))
+        call("script_get_controls", self._handle, *_step(latent, latents_per_second), byref(struct))
         return Controls._of(struct)
 
     @property
@@ -161,13 +166,13 @@ class Script(Object):
 class Recorder(Object):
     """Records a player's input and makes a `Script` of it. Times are seconds of world time; events must come in order of time.
 
-    One call at a time; a concurrent call raises `Busy`.
+    One call at a time; a concurrent call raises `Busy`. All methods raise `InvalidArgument`, also for an input that no script may hold.
     """
 
     _kind = "recorder"
 
     def __init__(self) -> None:
-        super().__init__(make("recorder_create"))
+        super().__init__(make("recorder", "recorder_create"))
 
     def key(self, seconds: float, key: int | str, down: bool) -> None:
         """Records that a key or mouse button went down or up; repeats are ignored."""
@@ -179,20 +184,25 @@ class Recorder(Object):
 
     def scroll(self, seconds: float, notches: int) -> None:
         """Records a turn of the wheel, up positive."""
-        call("recorder_scroll", self._handle, _microseconds(seconds), notches)
+        call("recorder_scroll", self._handle, _microseconds(seconds), whole("notches", notches, -(1 << 31), (1 << 31) - 1))
 
     def step(self, latent: int, latents_per_second: int, controls: Controls) -> None:
         """Records the controls of a latent step; `latent` counts from 1. A script of all steps reproduces them bit for bit."""
-        call("recorder_step", self._handle, latent, latents_per_second, byref(controls._struct()))
+        call("recorder_step", self._handle, *_step(latent, latents_per_second), byref(controls._struct()))
 
     def script(self, seconds: float) -> Script:
         """Makes a script of the recording so far. It ends at that time; keys that are held are released there."""
-        return Script._own(make("recorder_make_script", self._handle, _microseconds(seconds)))
+        return Script._own(make("script", "recorder_make_script", self._handle, _microseconds(seconds)))
+
+
+def _step(latent: int, latents_per_second: int) -> tuple[int, int]:
+    """Number and rate of a latent step for the library, which checks them further."""
+    return whole("latent", latent, 0, (1 << 64) - 1), whole("latents_per_second", latents_per_second, 1, 240)
 
 
 def _microseconds(seconds: float) -> int:
-    if not 0 <= seconds <= 1e9:
-        raise refuse("seconds", f"{seconds} is no time", "Give seconds of world time from 0 to 86400")
+    if not 0 <= seconds <= _LONGEST_SCRIPT:
+        raise refuse("seconds", f"{seconds} is no time of a script", f"Give seconds of world time from 0 to {_LONGEST_SCRIPT}")
     return round(seconds * 1e6)
 
 

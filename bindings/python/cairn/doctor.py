@@ -104,7 +104,7 @@ def run(world: str | None = None, onnxruntime: str | None = None, *, verbose: bo
     device = _try(report, "device", lambda: Device.cpu(onnxruntime=onnxruntime))
     if device is None:
         return False
-    if any(adapter.kind == "d3d12" for adapter in adapters()):
+    if any(adapter.kind == "d3d12" for adapter in _try(report, "device", adapters) or []):
         for requirement in _try(report, "device", lambda: requirements("d3d12", onnxruntime=onnxruntime)) or []:
             if requirement.what.startswith("fsr"):
                 _requirement(report, requirement, good)
@@ -121,7 +121,8 @@ def run(world: str | None = None, onnxruntime: str | None = None, *, verbose: bo
         try:
             loaded = _try(report, "world", lambda: device.load_world(world), but=Unsupported if world is None else ())
         except Unsupported:
-            print("\nAll is well. This library has no world inside; to try another: python -m cairn doctor --world PATH")
+            well = "All is well. " if report.good else ""
+            print(f"\n{well}This library has no world inside; to try another: python -m cairn doctor --world PATH")
             return report.good
         if loaded is None:
             return False

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Self
 
 from . import _display
+from ._library import whole
 from .errors import refuse
 from .pictures import Bytes
 from .rollout import Anchor
@@ -54,8 +55,7 @@ class Film:
                 raise refuse("pictures", f"are {kind} {list(shape)}", "Give uint8 [height, width, 4], as Anchor.picture() does")
             if shape != self.pictures[0].shape:
                 raise refuse("pictures", f"are of different sizes, {list(self.pictures[0].shape)} and {list(shape)}", "Give one size")
-        if not 1 <= self.rate <= 65535:
-            raise refuse("rate", f"{self.rate} is no rate", "Give pictures a second, 1 to 65535")
+        self.rate = whole("rate", self.rate, 1, 65535, "Give pictures a second, a whole number from 1 to 65535")
 
     def __len__(self) -> int:
         return len(self.pictures)

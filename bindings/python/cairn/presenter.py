@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from ctypes import POINTER, byref, c_float, c_uint8, c_uint16
 from dataclasses import dataclass
 from typing import Any, Literal, Self
@@ -11,8 +12,8 @@ import numpy.typing as npt
 
 from . import _interface as c
 from ._handles import Object, field_values
-from ._library import call, make
-from .errors import refuse
+from ._library import call, make, whole
+from .errors import InvalidArgument, refuse
 from .pictures import Bytes, Floats, Halves, Order, target
 from .rollout import Anchor
 
@@ -64,7 +65,7 @@ class Guidance(Object):
         Raises `InvalidArgument` for anchors of different sizes, and for anchors without latents if `motion` needs them; `OutOfMemory`.
         """
         source = _choose("motion", motion, _MOTIONS)
-        return cls(make("guidance_create", previous._handle, current._handle, source))
+        return cls(make(cls._kind, "guidance_create", previous._handle, current._handle, source))
 
     @classmethod
     def of_arrays(
@@ -109,7 +110,7 @@ class Guidance(Object):
                 raise refuse("depth", f"has the shape {list(distances.shape)}", f"Give [{height}, {width}], as motion")
             data.depth = distances.ctypes.data
             data.depth_count = distances.size
-        guidance = cls(make("guidance_create_from_host", byref(data)))
+        guidance = cls(make(cls._kind, "guidance_create_from_host", byref(data)))
         # The library has copied both; they had to stay alive until here.
         del vectors, distances
         return guidance
@@ -249,27 +250,17 @@ class Presenter(Object):
 
         Raises `InvalidArgument`; `Unsupported` for a required generator that is not available; `OutOfMemory`.
         """
-        width, height = size
-        for field, number, bits in (
-            ("multiplier", multiplier, 32),
-            ("size", width, 32),
-            ("size", height, 32),
-            ("interval_ns", interval_ns, 64),
-            ("delay_ns", delay_ns, 64),
-            ("capacity", capacity, 32),
-        ):
-            if not 0 <= number < 1 << bits:
-                raise refuse(field, f"{number} is out of range", "Give a number that is not negative, or 0 for the default")
+        width, height = _size(size)
         flags = c.PRESENTER_HOLD_LATE * hold_late | c.PRESENTER_CATCH_UP * catch_up
         flags |= c.PRESENTER_NO_DECODED * (not decoded) | c.PRESENTER_LETTERBOX * letterbox
         options = c.PresenterOptions(
-            multiplier=multiplier,
+            multiplier=whole("multiplier", multiplier, 0, (1 << 32) - 1, "Use 1, 2, 3, 4 or 6, or 0 for the default"),
             width=width,
             height=height,
-            interval_ns=interval_ns,
-            delay_ns=delay_ns,
+            interval_ns=_nanoseconds("interval_ns", interval_ns),
+            delay_ns=_nanoseconds("delay_ns", delay_ns),
             flags=flags,
-            capacity=capacity,
+            capacity=whole("capacity", capacity, 0, (1 << 32) - 1, "Give 1 to 64, or 0 for 4"),
             motion=_choose("motion", motion, _MOTIONS),
             colour_space=c.COLOUR_LINEAR if linear else c.COLOUR_SRGB,
             fsr=_choose("fsr", fsr, _PREFERENCES),
@@ -278,7 +269,9 @@ class Presenter(Object):
             upscaler=_choose("upscaler", upscaler, _PREFERENCES),
         )
         self._wanted, self._anchors = (width, height), (0, 0)
-        super().__init__(make("presenter_create", byref(options)))
+        self._resizing = threading.Lock()
+        self._linear = linear
+        super().__init__(make(self._kind, "presenter_create", byref(options)))
 
     def push(self, anchor: Anchor, now_ns: int, guidance: Guidance | None = None) -> bool:
         """Pushes the next anchor, which arrived at `now_ns`. Returns False if the largest number of anchors is waiting; the anchor was not
@@ -290,7 +283,7 @@ class Presenter(Object):
         Raises `InvalidArgument` for another size than the first anchor's, and for a first anchor without a rate if there is no `interval_ns`.
         """
         given = None if guidance is None else guidance._handle
-        result = call("presenter_push", self._handle, anchor._handle, given, _time(now_ns))
+        result = call("presenter_push", self._handle, anchor._handle, given, _nanoseconds("now_ns", now_ns))
         if result == c.OK and self._anchors == (0, 0):
             info = anchor.info
             self._anchors = (info.width, info.height)
@@ -299,7 +292,7 @@ class Presenter(Object):
     def query(self, now_ns: int) -> Frame | None:
         """The frame that is due if it is shown at `now_ns`; None before the first anchor."""
         frame = c.Frame()
-        result = call("presenter_query", self._handle, _time(now_ns), byref(frame))
+        result = call("presenter_query", self._handle, _nanoseconds("now_ns", now_ns), byref(frame))
         return None if result == c.NOT_READY else Frame._of(frame)
 
     def draw(
@@ -307,16 +300,35 @@ class Presenter(Object):
     ) -> tuple[Frame, Any] | None:
         """Makes the frame that is due at `now_ns`, and returns its properties and its pixels. None before the first anchor.
 
-        The pixels are `uint8` `[height, width, 4]` in a new array, or `out`, which may also be `float16`: display-referred, or linear light if
-        the presenter was made with `linear`. Raises `InvalidArgument`, `Busy`, `OutOfMemory`.
+        The pixels are `uint8` `[height, width, 4]` in a new array, or `out`, which may also be `float16`. They are display-referred. If the
+        presenter was made with `linear`, they are linear light in `float16`, also in a new array.
+
+        Raises `InvalidArgument`, `Busy`, `OutOfMemory`, and `Unsupported` if the presenter requires a generator for Direct3D 12.
         """
-        width, height = self._anchors if self._wanted == (0, 0) else self._wanted
+        now_ns = _nanoseconds("now_ns", now_ns)
+        size = self._frame_size()
+        try:
+            return self._draw(now_ns, size, out, order)
+        except InvalidArgument:
+            # Another thread may have resized the frames since the new array was made.
+            size_now = self._frame_size()
+            if out is not None or size_now == size:
+                raise
+        return self._draw(now_ns, size_now, out, order)
+
+    def _frame_size(self) -> tuple[int, int]:
+        """Width and height of the next frame; (0, 0) before the first anchor."""
+        with self._resizing:
+            return self._anchors if self._wanted == (0, 0) else self._wanted
+
+    def _draw(self, now_ns: int, size: tuple[int, int], out: Bytes | Halves | None, order: Order) -> tuple[Frame, Any] | None:
+        width, height = size
         if width == 0 or height == 0:
             return None
-        halves = isinstance(out, np.ndarray) and out.dtype == np.float16
-        struct, pixels = target(out, height, width, order, np.float16 if halves else np.uint8)
+        is_half = self._linear if out is None else isinstance(out, np.ndarray) and out.dtype == np.float16
+        struct, pixels = target(out, height, width, order, np.float16 if is_half else np.uint8)
         frame = c.Frame()
-        result = call("presenter_draw", self._handle, _time(now_ns), byref(struct), byref(frame))
+        result = call("presenter_draw", self._handle, now_ns, byref(struct), byref(frame))
         return None if result == c.NOT_READY else (Frame._of(frame), pixels)
 
     def resize(self, size: tuple[int, int] = (0, 0)) -> None:
@@ -324,15 +336,16 @@ class Presenter(Object):
 
         Raises `InvalidArgument`.
         """
-        width, height = size
-        if not (0 <= width < 1 << 32 and 0 <= height < 1 << 32):
-            raise refuse("size", f"{size} is out of range", "Give 1 to 16384 each way, or (0, 0) for the anchors'")
-        call("presenter_resize", self._handle, width, height)
-        self._wanted = size
+        width, height = _size(size)
+        # `draw` must not see the library's new size beside the former one here.
+        with self._resizing:
+            call("presenter_resize", self._handle, width, height)
+            self._wanted = (width, height)
 
     def set_overlay(self, mask: Any | None) -> None:
         """Sets the mask of a static overlay that covers the anchors, such as a HUD, from the next frame on. `mask` is `[height, width]` of the
-        anchors' size, with any number but 0 for a covered pixel; None if unknown. All generators use it.
+        anchors' size, with any number but 0 for a covered pixel. None removes the mask: generators then detect static pixels from colours that do
+        not change. All generators use it; `reset` removes it.
 
         Raises `InvalidArgument`.
         """
@@ -349,11 +362,13 @@ class Presenter(Object):
     def set_budget(self, frame_ns: int) -> None:
         """Limits the device time per frame that a Direct3D device makes, in nanoseconds, averaged over an interval; 0 removes the limit. If it
         is too short, fewer frames of an interval are made, and the others repeat the previous one.
+
+        Raises `InvalidArgument`.
         """
-        call("presenter_set_budget", self._handle, _time(frame_ns))
+        call("presenter_set_budget", self._handle, _nanoseconds("frame_ns", frame_ns))
 
     def reset(self) -> None:
-        """Removes all anchors and their times: the next anchor is a first one again."""
+        """Removes all anchors, their times and the overlay's mask: the next anchor is a first one again."""
         call("presenter_reset", self._handle)
         self._anchors = (0, 0)
 
@@ -363,7 +378,10 @@ class Presenter(Object):
         return PresenterStatistics(**field_values(self._fill("presenter_get_statistics", c.PresenterStatistics)))
 
 
-def _time(now_ns: int) -> int:
-    if not 0 <= now_ns < 1 << 64:
-        raise refuse("now_ns", f"{now_ns} is no time", "Give nanoseconds from 0 to 2**64 - 1")
-    return now_ns
+def _nanoseconds(field: str, value: int) -> int:
+    return whole(field, value, 0, (1 << 64) - 1, "Give nanoseconds, a whole number from 0 to 2**64 - 1")
+
+
+def _size(size: tuple[int, int]) -> tuple[int, int]:
+    width, height = (whole("size", side, 0, (1 << 32) - 1, "Give 1 to 16384 each way, or (0, 0) for the anchors'") for side in size)
+    return width, height

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import AsyncIterator, Iterable, Iterator, Sequence
 from ctypes import POINTER, Array, byref, c_char, c_float, c_size_t, c_uint64, c_void_p
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from . import _awaiting, _display
 from . import _interface as c
 from ._handles import Object, field_values
-from ._library import call, encoded, make
+from ._library import call, call_for_handle, encoded, make, whole
 from .controls import Controls
 from .errors import Error, InvalidArgument, refuse
 from .pictures import Bytes, Floats, Order, source, target
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .world import World
 
 # Interval between two checks for Ctrl+C, because a call into the library cannot be interrupted.
-_GLANCE_NS = 100_000_000
+_SIGNAL_CHECK_NS = 100_000_000
 
 # How often a state is saved again after its size has grown.
 _SAVE_TRIES = 9
@@ -62,7 +62,8 @@ class Anchor(Object):
         `OutOfMemory`.
         """
         struct, owner = source(picture, order)
-        anchor = cls(make("anchor_create", byref(struct), number, c.ANCHOR_CUT if cut else 0))
+        number = whole("number", number, 0, (1 << 64) - 1)
+        anchor = cls(make(cls._kind, "anchor_create", byref(struct), number, c.ANCHOR_CUT if cut else 0))
         del owner
         return anchor
 
@@ -128,7 +129,9 @@ class StepInfo:
 
 @dataclass(frozen=True)
 class RolloutInfo:
-    """Properties and progress of a rollout: the number of `latents` made so far, its `seed`, its rates, and its full operating point."""
+    """Properties and progress of a rollout: the number of `latents` made so far, its `seed`, its rates, and its full operating point, which is cut
+    off after 191 bytes.
+    """
 
     latents: int
     seed: int
@@ -190,11 +193,19 @@ def _array(pictures: Sequence[npt.ArrayLike], order: Order) -> tuple[Array[c.Pic
     return structs, [owner for _, owner in made]
 
 
+def _joined(schedules: Sequence[str]) -> bytes:
+    """Schedules as one text for the library."""
+    if isinstance(schedules, str):
+        raise refuse("schedules", f"is the text {schedules!r}", f"Give a list of schedules: [{schedules!r}]")
+    return encoded(" ".join(schedules), "schedules") or b""
+
+
 class Rollout(Object):
     """One running instance of a world: its memory of the past, its clocks and its noise.
 
-    `append`, `step`, `reset` and `restore` exclude each other: during another of them, and while steps are queued, they raise `Busy`.
-    Everything else may be called from any thread at any time; queries raise `Busy` while a step is running.
+    `append`, `append_pictures`, `step`, `reset`, `rest`, `restore`, `restore_file`, `keep_encoder_stream`, `set_budget`, `govern` and `ungovern`
+    exclude each other: during another of them, and while steps are queued, they raise `Busy`. Everything else may be called from any thread at
+    any time. `info`, `anchor`, `save` and `save_file` raise `Busy` while a step is running.
     """
 
     _kind = "rollout"
@@ -257,7 +268,7 @@ class Rollout(Object):
 
     def anchor(self) -> Anchor:
         """A copy of the last anchor. Raises `InvalidArgument` before the first latent; `Busy` while a step is running."""
-        return Anchor(make("rollout_get_anchor", self._handle))
+        return Anchor(make(Anchor._kind, "rollout_get_anchor", self._handle))
 
     def set_budget(self, latent_ns: int, schedules: Sequence[str]) -> None:
         """Limits the wall time per latent to `latent_ns` nanoseconds: latents are made with the first of `schedules`, such as `["stock",
@@ -266,9 +277,7 @@ class Rollout(Object):
 
         Raises `InvalidArgument`, and `Busy` while steps are queued.
         """
-        if not 0 <= latent_ns < 1 << 64:
-            raise refuse("latent_ns", f"{latent_ns} is no time", "Give nanoseconds")
-        call("rollout_set_budget", self._handle, latent_ns, " ".join(schedules).encode())
+        call("rollout_set_budget", self._handle, whole("latent_ns", latent_ns, 0, (1 << 64) - 1), _joined(schedules))
 
     def govern(
         self,
@@ -289,15 +298,12 @@ class Rollout(Object):
 
         Raises `InvalidArgument`; `OutOfMemory` if even the narrowest window needs too much; `Busy` while steps are queued.
         """
-        for name, number, most in (("frame_ns", frame_ns, 1 << 64), ("memory_mib", memory_mib, 1 << 64), ("multiplier", multiplier, 65)):
-            if not 0 <= number < most:
-                raise refuse(name, f"{number} is out of range", f"Give 0 to {most - 1}")
         handles = (c_void_p * len(worlds))(*(world._handle for world in worlds))
         budget = c.Budget(
-            multiplier=multiplier,
-            frame_ns=frame_ns,
-            memory_mib=memory_mib,
-            schedules=" ".join(schedules).encode() or None,
+            multiplier=whole("multiplier", multiplier, 0, 64),
+            frame_ns=whole("frame_ns", frame_ns, 0, (1 << 64) - 1),
+            memory_mib=whole("memory_mib", memory_mib, 0, (1 << 64) - 1),
+            schedules=_joined(schedules) or None,
             worlds=handles,
             world_count=len(worlds),
             presenter=None if presenter is None else presenter._handle,
@@ -316,26 +322,25 @@ class Rollout(Object):
         """Queues a step for the rollout's own thread, and returns at once: the ticket that identifies its result, or None if the queue is full.
         A step that fails cancels the steps queued after it.
         """
-        return self._submit("rollout_submit", controls._struct())
+        return self._submit("rollout_submit", byref(controls._struct()))
 
     def submit_picture(self, picture: npt.ArrayLike, *, order: Order = "rgba") -> int | None:
         """Queues a picture, which is copied, to be appended; see `append` and `submit`."""
         struct, owner = source(picture, order)
-        ticket = self._submit("rollout_submit_picture", struct)
+        ticket = self._submit("rollout_submit_picture", byref(struct))
         del owner
         return ticket
 
     def submit_pictures(self, pictures: Sequence[npt.ArrayLike], *, order: Order = "rgba") -> int | None:
         """Queues pictures, which are copied, to be appended as one latent; see `append_pictures` and `submit`."""
         structs, owners = _array(pictures, order)
-        ticket = c_uint64()
-        result = call("rollout_submit_pictures", self._handle, structs, len(pictures), byref(ticket))
+        ticket = self._submit("rollout_submit_pictures", structs, len(pictures))
         del owners
-        return None if result == c.QUEUE_FULL else ticket.value
+        return ticket
 
-    def _submit(self, function: str, struct: c.Sized) -> int | None:
+    def _submit(self, function: str, *arguments: Any) -> int | None:
         ticket = c_uint64()
-        result = call(function, self._handle, byref(struct), byref(ticket))
+        result = call(function, self._handle, *arguments, byref(ticket))
         return None if result == c.QUEUE_FULL else ticket.value
 
     def poll(self, ticket: int) -> tuple[StepInfo, Anchor] | None:
@@ -343,25 +348,28 @@ class Rollout(Object):
 
         Raises the step's error; `InvalidArgument` for a ticket whose result was fetched.
         """
-        return self._result("rollout_poll", ticket)
+        return self._result("rollout_poll", whole("ticket", ticket, 0, (1 << 64) - 1))
 
     def wait(self, ticket: int, timeout: float | None = None) -> tuple[StepInfo, Anchor] | None:
         """Waits for a queued step to end, for at most `timeout` seconds, None for no limit, and fetches its result as `poll` does.
 
-        Returns None after the timeout. Closing the rollout ends the wait with `Cancelled`.
+        Returns None after the timeout. Closing the rollout ends the wait with `Cancelled`. Raises `InvalidArgument` for a negative timeout, and
+        the errors of `poll`.
         """
+        ticket = whole("ticket", ticket, 0, (1 << 64) - 1)
         if timeout is not None and not timeout >= 0:
             raise refuse("timeout", f"{timeout} is no time to wait", "Give seconds, or None for as long as it takes")
         end = None if timeout is None else time.monotonic() + timeout
         while True:
-            left = _GLANCE_NS if end is None else min(_GLANCE_NS, max(0, round((end - time.monotonic()) * 1e9)))
+            # Limited before it is rounded, because an infinite timeout cannot be.
+            left = _SIGNAL_CHECK_NS if end is None else round(min(_SIGNAL_CHECK_NS, max(0.0, (end - time.monotonic()) * 1e9)))
             result = self._result("rollout_wait", ticket, left)
-            if result is not None or left < _GLANCE_NS:
+            if result is not None or left < _SIGNAL_CHECK_NS:
                 return result
 
     def _result(self, function: str, *arguments: int) -> tuple[StepInfo, Anchor] | None:
         info, anchor = c.StepInfo(), c_void_p()
-        result = call(function, self._handle, *arguments, byref(info), byref(anchor))
+        result = call_for_handle(Anchor._kind, anchor, function, self._handle, *arguments, byref(info), byref(anchor))
         if result == c.NOT_READY or anchor.value is None:
             return None
         return StepInfo._of(info), Anchor(anchor.value)

@@ -34,7 +34,7 @@ Every machine must see the study, the sweep's file and the folder --out under th
 file locks. Each needs this package, ONNX Runtime, and the weights of LPIPS where a sweep measures it: what the study fetches by itself, or what
 CAIRN_ONNXRUNTIME and CAIRN_LPIPS name there.
 
-The same command goes on after whatever ended it, and makes nothing again that is whole.
+After an interruption, run the same command again: complete jobs are not repeated.
 """
 
 
@@ -81,9 +81,10 @@ class Study:
         if ended.returncode == 0:
             return ended.stdout.decode("utf-8", "replace")
         said = ended.stderr.decode("utf-8", "replace").strip()
-        # After a signal subprocess gives a negative number; a shell in between adds 128.
-        if ended.returncode < 0:
-            raise Killed(f"signal {-ended.returncode} ended the study: {said}".rstrip(": "))
+        # After a signal subprocess gives its negative number; a shell in between gives 128 and the number.
+        signal = -ended.returncode if ended.returncode < 0 else ended.returncode - 128
+        if 1 <= signal <= 64:
+            raise Killed(f"signal {signal} ended the study: {said}".rstrip(": "))
         raise SweepError(said or f"the study ended with status {ended.returncode}")
 
     def jobs(self) -> tuple[list[Job], int]:
@@ -119,14 +120,14 @@ def run(
     study: str | os.PathLike[str] | None = None,
     address: str | None = None,
     retries: int = 3,
-    told: Callable[[int, int, str], None] | None = None,
+    on_complete: Callable[[int, int, str], None] | None = None,
 ) -> str:
     """Runs the incomplete jobs of a sweep on a Ray cluster, and writes its report, which is returned as Markdown.
 
     `address` is Ray's: `"auto"` for the cluster that this machine belongs to, none for a new one on this machine; if Ray is initialised
     already, that one is used. Every job takes as many of Ray's processors as it has threads. A job whose worker or study is killed is run
-    again, up to `retries` times. After any other failure the remaining jobs are cancelled, and complete ones are kept. `told` is called for
-    every complete job with the number of complete jobs, their total, and the job's name.
+    again, up to `retries` times. After any other failure the remaining jobs are cancelled, and complete ones are kept. `on_complete` is called
+    for every complete job with the number of complete jobs, their total, and the job's name.
 
     Raises `SweepError`.
     """
@@ -146,8 +147,8 @@ def run(
         try:
             for name in _through_ray(ray, own, missing_jobs, threads, retries):
                 done += 1
-                if told is not None:
-                    told(done, len(jobs), name)
+                if on_complete is not None:
+                    on_complete(done, len(jobs), name)
         finally:
             if begun_here:
                 ray.shutdown()
@@ -200,7 +201,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line and returns its exit status."""
     given = parser().parse_args(arguments)
 
-    def told(done: int, of: int, name: str) -> None:
+    def print_progress(done: int, of: int, name: str) -> None:
         print(f"{done} of {of}: {name}", file=sys.stderr, flush=True)
 
     try:
@@ -210,7 +211,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             study=given.study,
             address=given.address,
             retries=given.retries,
-            told=None if given.quiet else told,
+            on_complete=None if given.quiet else print_progress,
         )
     except SweepError as error:
         print(str(error) if str(error).startswith("error: ") else f"error: {error}", file=sys.stderr)

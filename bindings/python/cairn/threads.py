@@ -5,7 +5,7 @@ from __future__ import annotations
 from ctypes import byref
 
 from . import _interface as c
-from ._library import call
+from ._library import call, whole
 from .errors import refuse
 
 _PRIORITIES = {
@@ -24,6 +24,5 @@ def set_threads(threads: int | None = None, priority: str = "below_normal") -> N
     """
     if priority not in _PRIORITIES:
         raise refuse("priority", f"{priority!r} is no priority", f"Use {', '.join(_PRIORITIES)}")
-    if threads is not None and not 1 <= threads <= c.MAX_THREADS:
-        raise refuse("threads", f"{threads} threads", f"Use 1 to {c.MAX_THREADS}")
-    call("set_threads", byref(c.ThreadOptions(threads=threads or 0, priority=_PRIORITIES[priority])))
+    count = 0 if threads is None else whole("threads", threads, 1, c.MAX_THREADS)
+    call("set_threads", byref(c.ThreadOptions(threads=count, priority=_PRIORITIES[priority])))

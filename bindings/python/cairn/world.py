@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from ctypes import POINTER, byref, c_uint32, create_string_buffer, sizeof
 from dataclasses import dataclass
+from types import FrameType
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 from . import _interface as c
 from . import _onnxruntime
 from ._handles import Object, field_values
-from ._library import call, encoded, make, read_text
+from ._library import call, encoded, make, read_text, whole
 from .errors import Cancelled, refuse
 
 if TYPE_CHECKING:
@@ -42,9 +45,9 @@ class Adapter:
 
 @dataclass(frozen=True)
 class Requirement:
-    """One requirement of a device. `what` is "platform", "onnxruntime" or "memory", for AMD's FSR "fsr", "fsr-provider", "fsr-system",
-    "fsr-direct3d" or "fsr-shaders", or the number of one that is newer than this package. `met` is None if it depends on the world, if the
-    system does not report it, and if a device can be created without it.
+    """One requirement of a device. `what` is "platform", "onnxruntime", "memory", "shaders", "webgpu" or "adapter", for AMD's FSR "fsr",
+    "fsr-provider", "fsr-system", "fsr-direct3d" or "fsr-shaders", or the number of one that is newer than this package. `met` is None if it
+    depends on the world, if the system does not report it, and if a device can be created without it.
     """
 
     what: str
@@ -111,6 +114,40 @@ def _list(kind: type[c.Sized], fill: Callable[..., int]) -> list[Any]:
             return list(array[: count.value])
 
 
+def _device_options(threads: int, deterministic: bool, onnxruntime: str | os.PathLike[str] | None, webgpu: bytes | None) -> c.DeviceOptions:
+    remedy = f"Give 1 to {c.MAX_THREADS}, or 0 for each physical core"
+    return c.DeviceOptions(
+        threads=whole("threads", threads, 0, c.MAX_THREADS, remedy),
+        flags=c.DEVICE_ENVIRONMENT | (c.DEVICE_DETERMINISTIC if deterministic else 0),
+        onnxruntime=_onnxruntime.library_path(onnxruntime),
+        webgpu=webgpu,
+    )
+
+
+@contextmanager
+def _deferred_interrupt() -> Iterator[list[tuple[int, FrameType | None]]]:
+    """Collects Ctrl+C in the given list during the block, and calls its handler after the block. Python would otherwise call the handler, which
+    raises `KeyboardInterrupt`, at the start of a callback from the library: ctypes drops that exception.
+    """
+    received: list[tuple[int, FrameType | None]] = []
+    former = signal.getsignal(signal.SIGINT)
+    if not callable(former):
+        yield received
+        return
+    try:
+        signal.signal(signal.SIGINT, lambda number, frame: received.append((number, frame)))
+    except ValueError:
+        # Not the main thread: Python calls handlers on that one only.
+        yield received
+        return
+    try:
+        yield received
+    finally:
+        signal.signal(signal.SIGINT, former)
+        if received:
+            former(*received[0])
+
+
 class Device(Object):
     """A device that runs worlds. May be used from any thread.
 
@@ -138,12 +175,9 @@ class Device(Object):
         Raises `RuntimeMissing` if ONNX Runtime 1.24 or newer is missing or computes wrongly; `Unsupported` if this process already uses another file of it;
         `InvalidArgument`; `DeviceError` if it does not start.
         """
-        if not 0 <= threads <= 1024:
-            raise refuse("threads", f"{threads} is no number of threads", "Give 1 to 1024, or 0 for each physical core")
-        flags = c.DEVICE_ENVIRONMENT | (c.DEVICE_DETERMINISTIC if deterministic else 0)
-        options = c.DeviceOptions(threads=threads, flags=flags, onnxruntime=_onnxruntime.library_path(onnxruntime))
+        options = _device_options(threads, deterministic, onnxruntime, None)
         with _onnxruntime.with_hints():
-            return cls(make("device_create_cpu", byref(options)))
+            return cls(make(cls._kind, "device_create_cpu", byref(options)))
 
     @classmethod
     def gpu(
@@ -164,13 +198,10 @@ class Device(Object):
         Raises `RuntimeMissing` if ONNX Runtime or the provider's library is missing; `Unsupported` if there is no such adapter or this process
         already uses another one; `InvalidArgument`; `DeviceError` if the adapter does not work.
         """
-        flags = c.DEVICE_ENVIRONMENT | (c.DEVICE_DETERMINISTIC if deterministic else 0)
-        options = c.DeviceOptions(
-            flags=flags, onnxruntime=_onnxruntime.library_path(onnxruntime), webgpu=_onnxruntime.webgpu_path(webgpu)
-        )
-        name = None if adapter is None else adapter.encode()
+        options = _device_options(0, deterministic, onnxruntime, _onnxruntime.webgpu_path(webgpu))
+        name = encoded(adapter, "adapter")
         with _onnxruntime.with_hints():
-            return cls(make("device_create_gpu", name, byref(options)))
+            return cls(make(cls._kind, "device_create_gpu", name, byref(options)))
 
     @classmethod
     def auto(
@@ -185,15 +216,10 @@ class Device(Object):
 
         `refusals` has the reasons why better ones were not taken. The arguments and errors are those of `gpu` and `cpu`.
         """
-        if not 0 <= threads <= 1024:
-            raise refuse("threads", f"{threads} is no number of threads", "Give 1 to 1024, or 0 for each physical core")
-        flags = c.DEVICE_ENVIRONMENT | (c.DEVICE_DETERMINISTIC if deterministic else 0)
-        options = c.DeviceOptions(
-            threads=threads, flags=flags, onnxruntime=_onnxruntime.library_path(onnxruntime), webgpu=_onnxruntime.webgpu_path(webgpu)
-        )
+        options = _device_options(threads, deterministic, onnxruntime, _onnxruntime.webgpu_path(webgpu))
         refusals = create_string_buffer(1 << 16)
         with _onnxruntime.with_hints():
-            device = cls(make("device_create_auto", byref(options), refusals, len(refusals), None))
+            device = cls(make(cls._kind, "device_create_auto", byref(options), refusals, len(refusals), None))
         device.refusals = tuple(refusals.value.decode(errors="replace").splitlines())
         return device
 
@@ -255,16 +281,13 @@ class Device(Object):
         memory. 0 is 1 or, with `longest_submission_us`, as many as keep the longest slice within so many microseconds: passes are measured at
         load, which takes several times as long then. `World.info` has the number and the time. `progress` is called on this thread.
 
+        Ctrl+C during a load on the main thread cancels the load, and then calls the program's handler of SIGINT.
+
         Raises `InvalidArgument`, `FileError`, `InvalidBundle`, `Unsupported`, `OutOfMemory` with the numbers, `DeviceError`; `Cancelled` if
-        `progress` returned False; and what `progress` raises.
+        `progress` returned False, and after a Ctrl+C whose handler raised nothing; and what `progress` and the handler raise.
         """
         if precision is not None and precision not in _PRECISIONS:
             raise refuse("precision", f"{precision!r} is no precision", 'Use "f32" or "f16", or None')
-        if not 0 <= memory_limit < 1 << 64:
-            raise refuse("memory_limit", f"{memory_limit} is no number of bytes", "Give bytes, or 0 for no limit of your own")
-        for name, value in (("slices", slices), ("longest_submission_us", longest_submission_us)):
-            if not 0 <= value < 1 << 32:
-                raise refuse(name, f"{value} does not fit into 32 bits", "Give a number from 0 to 4294967295")
         raised: list[BaseException] = []
 
         def on_progress(state: Any, _user: object) -> int:
@@ -272,7 +295,8 @@ class Device(Object):
             try:
                 at = state.contents
                 stage = "reading" if at.stage == c.LOAD_READING else "preparing"
-                return int(progress is not None and progress(stage, at.done, at.total) is False)
+                is_refused = progress is not None and progress(stage, at.done, at.total) is False
+                return int(is_refused or bool(received))
             except BaseException as error:
                 raised.append(error)
                 return 1
@@ -281,19 +305,20 @@ class Device(Object):
             precision=_PRECISIONS.get(precision or "", 0),
             path=encoded(path, "path"),
             operating_point=encoded(operating_point, "operating_point"),
-            memory_limit=memory_limit,
+            memory_limit=whole("memory_limit", memory_limit, 0, (1 << 64) - 1, "Give bytes, or 0 for no limit of your own"),
             flags=c.WORLD_FIT_WINDOW * fit_window | c.WORLD_CHECK_PRECISION * check_precision,
-            # Set even without a caller's callback, because Ctrl+C is noticed there.
+            # Set even without a caller's callback, because it ends the load after Ctrl+C.
             progress=c.load_callback(on_progress),
-            slices=slices,
-            longest_submission_us=longest_submission_us,
+            slices=whole("slices", slices, 0, (1 << 32) - 1),
+            longest_submission_us=whole("longest_submission_us", longest_submission_us, 0, (1 << 32) - 1),
         )
-        try:
-            return World(make("world_load", self._handle, byref(options)))
-        except Cancelled:
-            if raised:
-                raise raised[0] from None
-            raise
+        with _deferred_interrupt() as received:
+            try:
+                return World(make(World._kind, "world_load", self._handle, byref(options)))
+            except Cancelled:
+                if raised:
+                    raise raised[0] from None
+                raise
 
 
 @dataclass(frozen=True)
@@ -377,11 +402,9 @@ class World(Object):
         """
         from .rollout import Rollout
 
-        if not 0 <= seed < 1 << 64:
-            raise refuse("seed", f"{seed} does not fit into 64 bits", "Give a whole number from 0 to 2**64 - 1")
-        if not 0 <= queue_capacity <= c.MAX_QUEUE:
-            raise refuse("queue_capacity", f"{queue_capacity} is no length of a queue", f"Give 1 to {c.MAX_QUEUE}, or 0 for 4")
         options = c.RolloutOptions(
-            seed=seed, queue_capacity=queue_capacity, operating_point=encoded(operating_point, "operating_point")
+            seed=whole("seed", seed, 0, (1 << 64) - 1, "Give a whole number from 0 to 2**64 - 1"),
+            queue_capacity=whole("queue_capacity", queue_capacity, 0, c.MAX_QUEUE, f"Give 1 to {c.MAX_QUEUE}, or 0 for 4"),
+            operating_point=encoded(operating_point, "operating_point"),
         )
-        return Rollout(make("rollout_create", self._handle, byref(options)))
+        return Rollout(make(Rollout._kind, "rollout_create", self._handle, byref(options)))

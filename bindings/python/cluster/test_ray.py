@@ -83,23 +83,23 @@ def kill_the_first_worker(plan: Path, out: Path) -> list[int]:
 @pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
 def test_a_cluster_makes_what_processes_make_even_where_one_is_killed(cluster, plan, tmp_path):
     through, here = tmp_path / "through", tmp_path / "here"
-    killed, told = kill_the_first_worker(plan, through), []
-    text = sweep.run(plan, through, told=lambda *so_far: told.append(so_far))
+    killed, completed = kill_the_first_worker(plan, through), []
+    text = sweep.run(plan, through, on_complete=lambda *so_far: completed.append(so_far))
     assert len(killed) == 1, "a study was killed while it made frames"
     assert text.startswith("# Sweep mine") and "2 of them kept" in " ".join(text.split()), text
-    assert sorted(done for done, _, _ in told) == [1, 2] and {of for _, of, _ in told} == {2}
+    assert sorted(done for done, _, _ in completed) == [1, 2] and {of for _, of, _ in completed} == {2}
 
     subprocess.run([sweep.find_study(), "sweep", plan, "--out", here, "--quiet"], check=True, stdout=subprocess.DEVNULL)
     assert numbers(through) == numbers(here)
 
     # The same manifests: each run continues with the other's results, and nothing is made again.
-    before, told = written(here), []
-    sweep.run(plan, here, told=lambda *so_far: told.append(so_far))
-    assert written(here) == before and told == []
+    before, completed = written(here), []
+    sweep.run(plan, here, on_complete=lambda *so_far: completed.append(so_far))
+    assert written(here) == before and completed == []
     frame = next(iter(sorted(here.glob("sword-41/g384*/frames/000003.png"))))
     frame.unlink()
-    sweep.run(plan, here, told=lambda *so_far: told.append(so_far))
-    assert [name.split("/")[1][:4] for _, _, name in told] == ["g384"]
+    sweep.run(plan, here, on_complete=lambda *so_far: completed.append(so_far))
+    assert [name.split("/")[1][:4] for _, _, name in completed] == ["g384"]
     assert {path: time for path, time in written(here).items() if "g128" in path} == {
         path: time for path, time in before.items() if "g128" in path
     }

@@ -3,12 +3,14 @@
 import asyncio
 import contextlib
 import gc
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import cairn
 import runtime
+from cairn import _awaiting
 
 WALK = [cairn.Controls(keys=["W"], mouse=(8 * i, -2)) for i in range(6)]
 
@@ -186,6 +188,30 @@ def test_steps_queued_after_a_cancelled_one_are_cancelled(rollout, expected):
         is_consistent(rollout, expected)
 
     asyncio.run(walk())
+
+
+def test_a_cancellation_ends_when_all_steps_have_ended():
+    """Also a step of others, which runs on while the cancelled step, which had not begun, ends at once."""
+
+    class Running:
+        closed = False
+
+        def __init__(self):
+            self.depths = [1, 1, 0]
+
+        def cancel(self):
+            pass
+
+        def poll(self, ticket):
+            raise cairn.Cancelled("the step was cancelled")
+
+        @property
+        def statistics(self):
+            return SimpleNamespace(queue_depth=self.depths.pop(0))
+
+    rollout = Running()
+    asyncio.run(_awaiting.cancel_steps(rollout, [1]))
+    assert not rollout.depths
 
 
 def test_a_second_cancellation_does_not_leave_a_step_behind(rollout, expected):

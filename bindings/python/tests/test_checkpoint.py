@@ -268,6 +268,28 @@ def test_values_that_are_nested_too_deeply_have_a_message(tmp_path):
         open_checkpoint(tmp_path / "c")
 
 
+@pytest.mark.parametrize("value", ["2001-99-99", "9" * 5000, "1" + ":00" * 400 + ".5"], ids=["date", "int", "float"])
+def test_values_that_python_has_not_have_a_message(tmp_path, value):
+    path = tmp_path / "config.yaml"
+    path.write_text(f"n_layers: {value}\n")
+    with pytest.raises(BuildError, match="it is no YAML"):
+        read_config(path, 64)
+
+
+@pytest.mark.parametrize(
+    "name, value",
+    [("n_layers", "x" * 100_000), ("d_model", "0x" + "f" * 5000), ("model_type", str(list(range(9999)))), ("y" * 9999, "1"), ("conv_kw", "z" * 9999)],
+    ids=["text", "int", "list", "key", "convolution"],
+)
+def test_messages_about_long_values_are_short(tmp_path, name, value):
+    path = tmp_path / "config.yaml"
+    others = {key: of for key, of in config(TINY).items() if key != name}
+    path.write_text(f"{yaml.safe_dump(others)}? {name}\n: {value}\n")
+    with pytest.raises(BuildError) as refusal:
+        read_config(path, 64)
+    assert len(str(refusal.value)) < 500 and name[:9] in refusal.value.field
+
+
 def test_an_index_cannot_lead_outside(tmp_path):
     write_checkpoint(tmp_path / "c", TINY, shards=2)
     index = tmp_path / "c" / "model.safetensors.index.json"

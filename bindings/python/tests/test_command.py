@@ -8,10 +8,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from conftest import ROOT, TINY
+from conftest import ROOT, TINY, copied
 
 from cairn.build import PRESETS, BuildError, archive, build_bundle, table
 from cairn.build.cli import main
+from cairn.build.files import fresh_folder
 from cairn.build.geometry import Geometry, square_pixels
 from cairn.build.manifest import Licence
 from cairn.build.random_weights import RandomWeights
@@ -125,6 +126,60 @@ def test_other_peoples_folders_are_never_replaced(tmp_path, capsys):
     assert main(["random", "--out", str(tmp_path / "mine"), "--replace", "--quiet"]) == 2
     assert "no bundle" in capsys.readouterr().err
     assert (tmp_path / "mine" / "letter.txt").read_text() == "keep me"
+
+
+@pytest.mark.parametrize("name", ["letter.txt", "world.cairn"])
+def test_other_peoples_files_are_never_replaced(tiny, tmp_path, capsys, name):
+    out = tmp_path / name
+    out.write_text("keep me")
+    for command in (["random", "--quiet"], ["pack", str(tiny)], ["rebuild", str(tiny), "--quiet"]):
+        assert main([*command, "--out", str(out), "--replace"]) == 2
+        assert "no bundle" in capsys.readouterr().err
+    with zipfile.ZipFile(out, "w") as entries:
+        entries.writestr("letter.txt", "keep me")
+    assert main(["pack", str(tiny), "--out", str(out), "--replace"]) == 2
+    assert out.is_file() and [p.name for p in tmp_path.iterdir()] == [name]
+    out.unlink()
+    for _ in range(2):
+        assert main(["pack", str(tiny), "--out", str(out), "--replace"]) == 0
+    assert archive.read_geometry(out) == TINY
+
+
+def test_an_archive_does_not_replace_a_folder(tiny, tmp_path, capsys):
+    """It is refused before the source is read, so a damaged one is not noticed."""
+    out, source = copied(tiny, tmp_path / "world.cairn"), copied(tiny, tmp_path / "source")
+    (source / "transformer.bin").write_bytes(b"damaged")
+    commands = (["random"], ["rebuild", str(source)], ["quantise", str(source), "--weights", "8"])
+    for command in (*([*command, "--quiet"] for command in commands), ["pack", str(source)]):
+        assert main([*command, "--out", str(out), "--replace"]) == 2
+        assert "it is a folder, and a file is to be written" in capsys.readouterr().err
+    # Without --replace, too.
+    assert main(["rebuild", str(source), "--out", str(out)]) == 2
+    assert "it exists already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("fails_at", [1, 2])
+def test_a_bundle_that_cannot_be_replaced_stays(tiny, tmp_path, monkeypatch, fails_at):
+    out = copied(tiny, tmp_path / "world")
+    rename, times = Path.rename, []
+
+    def fail_once(path, target):
+        times.append(target)
+        if len(times) == fails_at:
+            raise PermissionError(13, "Permission denied")
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "rename", fail_once)
+    with pytest.raises(PermissionError), fresh_folder(out, replace=True) as work:
+        (work / "cairn-world.json").write_text("{}")
+    assert [p.name for p in tmp_path.iterdir()] == ["world"]
+    assert archive.read_geometry(out) == TINY
+
+
+def test_shapes_beside_a_bundle_are_refused(tiny, capsys):
+    for option, values in (("--layers", ["2"]), ("--preset", ["demo"]), ("--decoder-widths", ["8"] * 4)):
+        assert main(["describe", str(tiny), option, *values]) == 2
+        assert capsys.readouterr().err.startswith(f"error: {option}: a bundle has its own shapes")
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,14 @@
 """Keys, control scripts and recordings, as the library reads and writes them."""
 
+import ctypes
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import cairn
 import runtime
+from cairn import _library
 
 SCRIPTS = sorted((runtime.ROOT / "samples" / "scripts").glob("*.txt"))
 
@@ -69,6 +72,48 @@ def test_events_become_a_script():
         with recorder.script(1) as script:
             assert script.duration == 1
             assert script.controls(1, 1) == cairn.Controls(["W"], (5, -1), 1)
+
+
+def test_numbers_that_the_library_cannot_hold_are_refused():
+    with cairn.Recorder() as recorder, cairn.Script("cairn-controls 1\n") as script:
+        for call in (
+            lambda: recorder.scroll(0, 1 << 31),
+            lambda: recorder.scroll(0, 0.5),
+            lambda: recorder.step(1 << 64, 15, cairn.Controls()),
+            lambda: recorder.step(1, (1 << 32) + 15, cairn.Controls()),
+            lambda: script.controls((1 << 64) + 1, 15),
+            lambda: script.controls(1, (1 << 32) + 15),
+            lambda: recorder.mouse(86_401, 1, 1),
+        ):
+            with pytest.raises(cairn.InvalidArgument):
+                call()
+        recorder.mouse(86_400, 1, 1)
+
+
+def test_an_interrupt_after_a_call_destroys_the_object(monkeypatch):
+    functions, destroyed = _library.library().functions, []
+    create, destroy = functions["recorder_create"], functions["recorder_destroy"]
+
+    def create_and_interrupt(handle):
+        create(handle)
+        raise KeyboardInterrupt
+
+    def note_and_destroy(handle):
+        destroyed.append(handle.value)
+        return destroy(handle)
+
+    monkeypatch.setitem(functions, "recorder_create", create_and_interrupt)
+    monkeypatch.setitem(functions, "recorder_destroy", note_and_destroy)
+    with pytest.raises(KeyboardInterrupt):
+        cairn.Recorder()
+    assert len(destroyed) == 1 and destroy(ctypes.c_void_p(destroyed[0])) < 0, "it is destroyed"
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.uint8, np.int64])
+def test_keys_of_numpy_types_are_kept(kind):
+    assert cairn.Controls([kind(0x57)])._struct().keys[1] == 1 << (0x57 - 64)
+    with pytest.raises(cairn.InvalidArgument, match="keys: "):
+        cairn.Controls([65.0])
 
 
 def test_controls_know_their_keys():

@@ -4,8 +4,9 @@ import json
 import math
 
 import pytest
-from conftest import TINY
+from conftest import TINY, copied
 
+from cairn.build import archive
 from cairn.build.cli import main
 from cairn.build.conditioning import CONTROLS, LEVELS, PASS, parts, weights_of
 from cairn.build.costs import node_costs
@@ -68,6 +69,24 @@ def test_the_command_prints_every_graph_of_every_world(capsys):
     name, operator, output, multiply_adds, read, written = world["graphs"]["decoder"][0]
     assert name.endswith(f"/{operator}") and output and multiply_adds >= 0
     assert math.prod((read, written)) > 0 or operator == "Reshape"
+
+
+def test_worlds_are_told_apart_by_their_names(tiny, tmp_path, capsys):
+    """A dot in a folder's name is a part of the name."""
+    bundles = [copied(tiny, tmp_path / name) for name in ("waypoint-1.5", "waypoint-1.6")]
+    assert main(["costs", *map(str, bundles)]) == 0
+    assert json.loads(capsys.readouterr().out).keys() == {"waypoint-1.5", "waypoint-1.6"}
+    packed = archive.pack(tiny, tmp_path / "waypoint-1.5.cairn")
+    for command in ("costs", "rates"):
+        assert main([command, str(bundles[0]), str(packed)]) == 2
+        assert "several worlds are called waypoint-1.5" in capsys.readouterr().err
+
+
+def test_a_bundle_without_f16_graphs_is_refused(tmp_path, capsys):
+    bundle = tmp_path / "single"
+    assert main(["random", "--precision", "f32", "--out", str(bundle), "--quiet"]) == 0
+    assert main(["costs", str(bundle)]) == 2
+    assert "single: it has no f16 graphs" in capsys.readouterr().err
 
 
 def test_a_command_without_a_world_is_refused(capsys):

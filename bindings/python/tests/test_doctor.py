@@ -81,6 +81,26 @@ def test_the_end_of_a_program_is_quiet_with_everything_open():
     assert (result.returncode, result.stdout.strip(), result.stderr) == (0, "(72, 128, 4)", "")
 
 
+def test_a_failure_is_not_called_well_if_the_library_has_no_world(monkeypatch, capsys):
+    from cairn import doctor as program
+    from cairn.errors import DeviceError, Unsupported
+    from cairn.world import Device
+
+    def refuse(*_arguments, **_options):
+        raise Unsupported("no world is inside")
+
+    def fail(*_arguments, **_options):
+        raise DeviceError("the driver failed")
+
+    monkeypatch.setattr(Device, "load_world", refuse)
+    assert program.run()
+    assert "All is well. This library has no world inside" in capsys.readouterr().out
+    monkeypatch.setattr(program, "adapters", fail)
+    assert not program.run()
+    shown = capsys.readouterr().out
+    assert "FAIL device" in " ".join(shown.split()) and "This library has no world inside" in shown and "All is well" not in shown
+
+
 def test_amds_requirements_are_listed_if_direct3d_is_available(monkeypatch, capsys):
     from cairn import doctor as program
     from cairn.world import Adapter, Requirement, requirements

@@ -135,6 +135,7 @@ def test_a_film_is_made_of_a_play(world, tmp_path):
         ([np.zeros((4, 4, 4), np.uint8), np.zeros((4, 5, 4), np.uint8)], 15, "different sizes"),
         ([np.zeros((4, 4, 4), np.uint8)], 0, "pictures a second"),
         ([np.zeros((4, 4, 4), np.uint8)], 1 << 16, "pictures a second"),
+        ([np.zeros((4, 4, 4), np.uint8)], 29.97, "whole number"),
     ],
 )
 def test_invalid_films_are_refused(pictures, rate, says):

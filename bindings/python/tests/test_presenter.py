@@ -5,6 +5,7 @@ import pytest
 
 import cairn
 import runtime
+from cairn import _library
 
 SECOND = 1_000_000_000
 
@@ -119,6 +120,44 @@ def test_frames_can_be_resized_with_letterbox():
             presenter.resize((0, 5))
 
 
+@pytest.mark.parametrize("size", [[0, 0], np.zeros(2, np.int32)])
+def test_a_size_may_be_a_list_or_an_array(size):
+    with cairn.Presenter(interval_ns=SECOND) as presenter:
+        presenter.push(anchors(1)[0], 0)
+        presenter.resize((80, 48))
+        presenter.resize(size)
+        assert presenter.draw(SECOND)[1].shape == (96, 160, 4)
+
+
+def test_a_frame_is_made_again_if_it_is_resized_meanwhile(monkeypatch):
+    draw, times = _library.library().functions["presenter_draw"], []
+    with cairn.Presenter(interval_ns=SECOND) as presenter:
+        presenter.push(anchors(1)[0], 0)
+
+        def resize_and_draw(*arguments):
+            times.append(arguments[1])
+            if len(times) == 1:
+                presenter.resize((80, 48))
+            return draw(*arguments)
+
+        monkeypatch.setitem(_library.library().functions, "presenter_draw", resize_and_draw)
+        assert presenter.draw(SECOND)[1].shape == (48, 80, 4)
+        assert times == [SECOND, SECOND]
+        # The caller's array is of one size.
+        with pytest.raises(cairn.InvalidArgument):
+            presenter.draw(SECOND, out=np.empty((96, 160, 4), np.uint8))
+
+
+def test_a_new_array_of_linear_light_is_of_half_floats():
+    with cairn.Presenter(interval_ns=SECOND, linear=True) as presenter:
+        presenter.push(anchors(1)[0], 0)
+        _, pixels = presenter.draw(SECOND)
+        assert pixels.dtype == np.float16
+        encoded = moved(0) / 255
+        light = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+        assert np.abs(pixels[..., :3].astype(float) - light).max() < 1e-3
+
+
 def test_overlays_and_budgets_can_be_set():
     with cairn.Presenter(4, interval_ns=SECOND) as presenter:
         presenter.push(anchors(1)[0], 0)
@@ -128,6 +167,8 @@ def test_overlays_and_budgets_can_be_set():
             with pytest.raises(cairn.InvalidArgument):
                 presenter.set_overlay(wrong)
         assert presenter.statistics.made_to_anchor == 0
+        with pytest.raises(cairn.InvalidArgument, match="frame_ns: "):
+            presenter.set_budget(-1)
         presenter.set_budget(2_000_000)
         done = presenter.statistics
         assert (done.made_to_anchor, done.budget_changes, done.waiting, done.device_frames) == (4, 0, 0, 0)
@@ -168,6 +209,9 @@ def test_a_reset_takes_anchors_of_another_size():
         lambda: cairn.Presenter(motion="fast"),
         lambda: cairn.Presenter(cpu="maybe"),
         lambda: cairn.Presenter(size=(160, 0)),
+        lambda: cairn.Presenter(size=(160.5, 90)),
+        lambda: cairn.Anchor.of_picture(moved(0), 1 << 64),
+        lambda: cairn.Anchor.of_picture(moved(0), -1),
         lambda: cairn.Guidance.of_arrays(np.zeros((4, 4))),
         lambda: cairn.Guidance.of_arrays(np.zeros((4, 4, 2)), np.zeros((4, 5))),
         lambda: cairn.Guidance.of_arrays(np.zeros((4, 4, 2)), near_plane=-1),

@@ -13,8 +13,9 @@ from rollout import Rollout
 
 import cairn
 import runtime
-from cairn.build import PRESETS, archive, cli, costs, rates
+from cairn.build import PRESETS, archive, build_bundle, cli, costs, quantise, rates
 from cairn.build.errors import BuildError
+from cairn.build.manifest import Licence
 from cairn.build.quantise import NUMBERS, SCALES, Quantisation, counts, restored, rounded, unpacked_bytes, unpacked_numbers
 from cairn.build.random_weights import RandomWeights
 from cairn.build.stored import rebuild
@@ -51,6 +52,26 @@ def test_rounding_is_close_and_keeps_every_number_in_its_place(bits, bound, bloc
     step = np.repeat(scales.astype(np.float32), block, axis=1).T
     worst = np.abs(back - matrix.astype(np.float32)) / step
     assert np.quantile(worst, 0.9) <= 0.5 + 1e-3 and (bits == 4 or worst.max() <= 0.5 + 2e-2)
+
+
+def test_every_matrix_is_read_and_rounded_once(tmp_path, monkeypatch):
+    read, rounds = [], []
+
+    class Counting(RandomWeights):
+        def get(self, weight):
+            read.append(weight.name)
+            return super().get(weight)
+
+    def counted(*arguments):
+        rounds.append(arguments)
+        return rounded(*arguments)
+
+    monkeypatch.setattr(quantise, "rounded", counted)
+    facts = {"name": "w", "provenance": {}, "licence": Licence("CC0-1.0"), "precisions": ("f32",)}
+    quantisation = Quantisation(8)
+    build_bundle(TINY, Counting(TINY, 1), tmp_path / "w", quantisation=quantisation, **facts)
+    assert len(read) == len(set(read)) > 20
+    assert len(rounds) == sum(quantisation.quantises(packed.whole) for packed in stored_transformer(TINY))
 
 
 def test_the_largest_numbers_of_float16_stay_finite():
@@ -141,7 +162,7 @@ def test_a_graph_reads_the_stored_numbers(tiny, tmp_path):
         tensors = {t.name: numpy_helper.to_array(t) for t in model.graph.initializer}
         products = [n for n in model.graph.node if n.op_type == "MatMulNBits"]
         names = {n.input[1].removesuffix(NUMBERS) for n in products}
-        expected = {name for name, packed in stored.items() if quantisation.takes(packed.whole)}
+        expected = {name for name, packed in stored.items() if quantisation.quantises(packed.whole)}
         assert names == expected and len(products) == len(expected) > 20
         assert not any(name.startswith(("blocks.0", "blocks.2.mlp.fc1")) for name in names)
         assert {f"{name}{suffix}" for name in names for suffix in (NUMBERS, SCALES)} <= tensors.keys()

@@ -2,6 +2,8 @@
 
 import gc
 import logging
+import os
+import signal
 import sys
 import threading
 import time
@@ -13,7 +15,7 @@ import pytest
 
 import cairn
 import runtime
-from cairn import logs
+from cairn import _library, logs
 
 
 @pytest.fixture(scope="module")
@@ -275,6 +277,44 @@ def test_a_load_can_be_cancelled(device, world_path):
     device.load_world(world_path).close()
 
 
+def interrupt_in_the_library(main: int) -> None:
+    """Sends SIGINT while the thread `main` is in a function of the library, not in a callback."""
+    while sys._current_frames()[main].f_code is not _library.call.__code__:
+        time.sleep(0)
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGINT would end the process")
+@pytest.mark.parametrize("has_own_handler", [False, True])
+def test_an_interrupt_cancels_a_load(device, world_path, monkeypatch, has_own_handler):
+    handled, threads = [], []
+
+    def interrupt_once(*_):
+        if not threads:
+            threads.append(threading.Thread(target=interrupt_in_the_library, args=(threading.get_ident(),)))
+            threads[0].start()
+
+    handler = (lambda number, frame: handled.append(number)) if has_own_handler else signal.default_int_handler
+    former = signal.signal(signal.SIGINT, handler)
+    try:
+        with pytest.raises(cairn.Cancelled if has_own_handler else KeyboardInterrupt):
+            device.load_world(world_path, progress=interrupt_once)
+        assert signal.getsignal(signal.SIGINT) is handler
+    finally:
+        signal.signal(signal.SIGINT, former)
+        threads[0].join()
+    assert handled == ([signal.SIGINT] if has_own_handler else [])
+    device.load_world(world_path).close()
+
+
+def test_another_thread_can_load_a_world(device, world_path):
+    found = []
+    thread = threading.Thread(target=lambda: found.append(device.load_world(world_path)))
+    thread.start()
+    thread.join()
+    found[0].close()
+
+
 def test_queued_steps_give_the_same_results(world):
     expected = shown(world, WALK)
     with world.rollout(seed=7, queue_capacity=3) as rollout:
@@ -291,6 +331,35 @@ def test_queued_steps_give_the_same_results(world):
         for i, anchor in enumerate(rollout.play(WALK[2:])):
             assert np.array_equal(anchor.picture(), expected[i + 2])
         assert rollout.info.latents == len(WALK) + 1
+
+
+def test_tickets_and_timeouts_are_checked(rollout):
+    ticket = rollout.submit()
+    for wrong in (ticket + (1 << 64), -1, 1.0):
+        for fetch in (rollout.poll, rollout.wait):
+            with pytest.raises(cairn.InvalidArgument, match="ticket: "):
+                fetch(wrong)
+    for wrong in (-1, float("nan")):
+        with pytest.raises(cairn.InvalidArgument, match="timeout: "):
+            rollout.wait(ticket, wrong)
+    assert rollout.wait(ticket, float("inf")) is not None
+    assert rollout.wait(rollout.submit(), 1e300) is not None
+
+
+def test_an_interrupt_after_a_fetch_destroys_the_anchor(rollout, monkeypatch):
+    functions, destroyed = _library.library().functions, []
+    wait, destroy = functions["rollout_wait"], functions["anchor_destroy"]
+
+    def wait_and_interrupt(*arguments):
+        if (result := wait(*arguments)) == 0:
+            raise KeyboardInterrupt
+        return result
+
+    monkeypatch.setitem(functions, "rollout_wait", wait_and_interrupt)
+    monkeypatch.setitem(functions, "anchor_destroy", lambda handle: destroyed.append(destroy(handle)))
+    with pytest.raises(KeyboardInterrupt):
+        rollout.wait(rollout.submit())
+    assert destroyed == [0]
 
 
 def test_an_abandoned_play_leaves_the_queue_empty(rollout):
@@ -327,7 +396,7 @@ def test_a_budget_limits_latents(rollout):
     passes = [rollout.step(controls).denoise_passes for controls in WALK]
     assert passes[0] == passes[1] == passes[2] > 2 and passes[3:] == [2, 2]
     assert "explicit:1:0.5:0" in rollout.info.operating_point
-    for latent_ns, schedules in ((0, ["stock"]), (1, ["explicit:1:0.5:0", "stock"]), (1, ["fast"]), (-1, ["stock"])):
+    for latent_ns, schedules in ((0, ["stock"]), (1, ["explicit:1:0.5:0", "stock"]), (1, ["fast"]), (-1, ["stock"]), (1, "stock"), (1, ["stock\0x"])):
         with pytest.raises(cairn.InvalidArgument):
             rollout.set_budget(latent_ns, schedules)
     rollout.set_budget(0, [])
@@ -343,7 +412,13 @@ def test_one_budget_limits_latents_and_frames(world, rollout):
         assert (told.governed_less, told.governed_more, told.governed_made, told.governed_passes) == (1, 0, 1, 2)
         assert told.governed_latents == 5 and told.governed_frame_ns > 1 and told.governed_window > 0
         assert presenter.statistics.made_to_anchor == 1
-        for wrong in ({}, {"frame_ns": -1}, {"frame_ns": 1, "multiplier": 3}, {"frame_ns": 1, "worlds": [world, world]}):
+        for wrong in (
+            {},
+            {"frame_ns": -1},
+            {"frame_ns": 1, "multiplier": 3},
+            {"frame_ns": 1, "worlds": [world, world]},
+            {"frame_ns": 1, "schedules": "stock"},
+        ):
             with pytest.raises(cairn.InvalidArgument):
                 rollout.govern(**wrong, presenter=presenter)
         with pytest.raises(cairn.OutOfMemory):
@@ -508,13 +583,62 @@ def test_the_log_goes_to_logging(device, caplog):
         # The library logs nothing when all is well, so the callback is called directly.
         with caplog.at_level(logging.DEBUG, "host"):
             for level in range(1, 6):
-                logs._current(level, b"cairn::part", "grün".encode(), None)
+                logs._callbacks[-1](level, b"cairn::part", "grün".encode(), None)
         assert [record.levelno for record in caplog.records] == [40, 30, 20, 10, 10]
         assert {record.getMessage() for record in caplog.records} == {"cairn::part: grün"}
         cairn.log_to(logger, logging.CRITICAL)
     finally:
         cairn.log_to(None)
-    assert not logs._current
+    assert len(logs._callbacks) == 1 and not logs._callbacks[-1]
+
+
+def test_a_handler_that_changes_the_log_is_busy(device, monkeypatch):
+    """Also while another thread changes it, and waits in the library for the handler."""
+    waits, handled, raised = threading.Event(), threading.Event(), []
+
+    class Handler(logging.Handler):
+        def emit(self, record):
+            waits.wait()
+            try:
+                cairn.log_to(None)
+            except cairn.Busy as busy:
+                raised.append(busy)
+            handled.set()
+
+    logger = logging.getLogger("changes")
+    logger.addHandler(Handler())
+    cairn.log_to(logger)
+    callback, set_callback = logs._callbacks[-1], _library.library().functions["set_log_callback"]
+
+    def wait_for_the_handler(*arguments):
+        waits.set()
+        assert handled.wait(10), "the handler waits for the lock"
+        return set_callback(*arguments)
+
+    monkeypatch.setitem(_library.library().functions, "set_log_callback", wait_for_the_handler)
+    thread = threading.Thread(target=callback, args=(1, b"part", b"message", None))
+    thread.start()
+    cairn.log_to(None)
+    thread.join()
+    assert len(raised) == 1 and raised[0].function == "log_to"
+
+
+def test_an_interrupt_while_the_log_changes_frees_no_callback(device, monkeypatch):
+    functions = _library.library().functions
+    set_callback = functions["set_log_callback"]
+
+    def set_and_interrupt(*arguments):
+        set_callback(*arguments)
+        raise KeyboardInterrupt
+
+    cairn.log_to(logging.getLogger("former"))
+    with monkeypatch.context() as patch:
+        patch.setitem(functions, "set_log_callback", set_and_interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            cairn.log_to(logging.getLogger("interrupted"))
+    assert len(logs._callbacks) == 2 and all(logs._callbacks)
+    cairn.log_to(None)
+    assert len(logs._callbacks) == 1
 
 
 def test_threads_are_set_while_there_is_no_object(device):
@@ -539,6 +663,8 @@ def test_a_device_is_chosen_by_itself_and_has_the_reason() -> None:
     """Without the provider's library beside ONNX Runtime the processor runs worlds."""
     with pytest.raises(cairn.RuntimeMissing, match="WebGPU provider"):
         cairn.Device.gpu(webgpu="/nowhere/libonnxruntime_providers_webgpu.so")
+    with pytest.raises(cairn.InvalidArgument, match="adapter: "):
+        cairn.Device.gpu("0\0x")
     with cairn.Device.auto(2, deterministic=True, webgpu="/nowhere/libonnxruntime_providers_webgpu.so") as device:
         assert (device.kind, device.threads, "deterministic" in device.description) == ("cpu", 2, True)
         assert device.refusals[-1].startswith("not WebGPU: /nowhere/libonnxruntime_providers_webgpu.so: ")

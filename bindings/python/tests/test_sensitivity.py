@@ -9,8 +9,8 @@ from rollout import rope
 
 from cairn.build import cli, sensitivity
 from cairn.build.errors import BuildError
-from cairn.build.quantise import KEPT, Quantisation
-from cairn.build.sensitivity import is_kept, measure, rope_tables
+from cairn.build.quantise import KEPT, Quantisation, is_kept
+from cairn.build.sensitivity import measure, rope_tables
 from cairn.build.weights import stored_transformer
 
 MINIATURE = ROOT / "samples" / "worlds" / "miniature.cairn"
@@ -40,7 +40,7 @@ def quantised(tiny, out, kept):
 def test_every_matrix_that_quantise_takes_is_measured(tiny, report):
     names = {f"{name}.weight" for name in report.matrices}
     everything = Quantisation(8, kept=())
-    taken = {packed.whole.name for packed in stored_transformer(TINY) if everything.takes(packed.whole)}
+    taken = {packed.whole.name for packed in stored_transformer(TINY) if everything.quantises(packed.whole)}
     assert names == taken and len(names) == 41 and list(report.layers) == [f"blocks.{i}" for i in range(8)]
     errors = list(report.matrices.values())
     assert errors == sorted(errors, reverse=True) and errors[-1] > 0

@@ -41,7 +41,7 @@ def test_help_teaches(capsys):
         sweep.main(["--help"])
     assert end.value.code == 0
     text = capsys.readouterr().out
-    for word in ("examples:", "--address auto", "--study", "makes nothing again", "CAIRN_STUDY"):
+    for word in ("examples:", "--address auto", "--study", "complete jobs are not repeated", "CAIRN_STUDY"):
         assert word in text
 
 
@@ -74,6 +74,13 @@ def test_the_studys_message_is_raised(study, capsys, tmp_path, monkeypatch):
 def test_a_killed_study_differs_from_a_failed_one(study):
     with pytest.raises(sweep.Killed, match="signal 9"):
         study("os.kill(os.getpid(), 9)").make("sword-41/g128")
+    # A shell or a container in between.
+    with pytest.raises(sweep.Killed, match="signal 9"):
+        study("sys.exit(137)").make("sword-41/g128")
+    for status in (1, 2, 128, 193):
+        with pytest.raises(sweep.SweepError) as failed:
+            study(f"sys.exit({status})").make("sword-41/g128")
+        assert not isinstance(failed.value, sweep.Killed)
 
 
 def test_nothing_else_needs_ray(monkeypatch, capsys, study, tmp_path):

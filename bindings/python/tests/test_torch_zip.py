@@ -1,7 +1,10 @@
 """The reader of torch's zip files: it returns tensors and nothing else, and runs nothing in the file."""
 
+import os
 import pickle
+import sys
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -175,6 +178,39 @@ def test_other_files_are_refused(tmp_path):
     write_zip(path, {"archive/data.pkl": b"\x80\x02}." + bytes(2 << 20)})
     with pytest.raises(BuildError, match="longer than"):
         TorchFile(path)
+
+
+def test_every_damaged_file_has_a_message(tmp_path):
+    entries = torch_entries({"a": np.arange(8, dtype=np.float32)}, "F32")
+    whole, bad, count = write_zip(tmp_path / "t.pth", entries).read_bytes(), tmp_path / "bad.pth", 0
+    rng = np.random.default_rng(1)
+    for at in range(len(whole)):
+        data = bytearray(whole)
+        data[at] ^= 1 << int(rng.integers(8))
+        bad.write_bytes(data)
+        try:
+            TorchFile(bad).read("a")
+        except BuildError:
+            count += 1
+    assert count > len(whole) // 3
+
+
+def test_an_entry_before_the_start_is_refused(tmp_path):
+    path = write_zip(tmp_path / "t.pth", torch_entries(TENSORS))
+    # A central directory that is said to begin later than it does moves all entries back.
+    data = bytearray(path.read_bytes())
+    data[-6:-2] = (int.from_bytes(data[-6:-2], "little") + len(data)).to_bytes(4, "little")
+    path.write_bytes(data)
+    with pytest.raises(BuildError, match="before the archive"):
+        TorchFile(path)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /proc")
+def test_the_file_is_closed(tmp_path):
+    path = write_zip(tmp_path / "t.pth", torch_entries(TENSORS))
+    found = TorchFile(path)
+    found.read("b")
+    assert str(path) not in {os.readlink(link) for link in Path("/proc/self/fd").iterdir() if os.path.lexists(link)}
 
 
 def test_damaged_numbers_are_refused(tmp_path):

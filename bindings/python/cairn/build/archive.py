@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import struct
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
@@ -13,24 +12,25 @@ from pathlib import Path
 from typing import BinaryIO
 
 from .errors import BuildError
-from .files import fresh_folder
+from .files import check_free, fresh_folder
 from .geometry import Geometry
 from .manifest import MANIFEST_FILE, MANIFEST_LIMIT, geometry_of
 from .quantise import Quantisation, of_manifest
 from .reader import copy_checked, manifest_bytes, open_listed, parse_manifest, read_manifest, read_model, verify
+from .zip_damage import DAMAGE, check_position
 
 SUFFIX = ".cairn"
 # A fixed date and system, so that equal content gives equal bytes: the earliest date that ZIP can store, and the number of Unix.
 _DATE = (1980, 1, 1, 0, 0, 0)
 _SYSTEM = 3
-# What `zipfile` raises for damaged archives.
-_DAMAGE = (zipfile.BadZipFile, EOFError, NotImplementedError, OverflowError, UnicodeDecodeError, struct.error)
 
 
 def pack(folder: Path, out: Path, replace: bool = False) -> Path:
-    """Writes the folder's manifest and the files it names, uncompressed, into the archive `out`; sizes and checksums are checked."""
-    if out.exists() and not replace:
-        raise BuildError("it exists already", field=str(out), remedy="Name another place, or pass --replace.")
+    """Writes the folder's manifest and the files it names, uncompressed, into the archive `out`; sizes and checksums are checked.
+
+    Raises `BuildError`, also if `out` exists and may not be replaced, is a folder, or is a file that is no bundle.
+    """
+    check_free(out, replace, as_file=True)
     data = manifest_bytes(folder)
     manifest = parse_manifest(data, str(folder / MANIFEST_FILE))
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -127,12 +127,12 @@ def _opened(archive: Path) -> Iterator[zipfile.ZipFile]:
     """The archive, opened for reading. Damage that is found within the block becomes a `BuildError`, too."""
     try:
         entries = zipfile.ZipFile(archive)
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise BuildError(f"it is no archive: {error}", field=str(archive), remedy="Name a .cairn file, or a folder.") from error
     try:
         with entries:
             yield entries
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise BuildError(f"the archive is damaged: {error}", field=str(archive), remedy="Fetch it again.") from error
 
 
@@ -143,9 +143,7 @@ def _entry(entries: zipfile.ZipFile, name: str):
         raise BuildError("it is not in the archive", field=name, remedy="Fetch the archive again.") from None
     if info.compress_type != zipfile.ZIP_STORED or info.flag_bits & 1:
         raise BuildError("it is compressed or encrypted", field=name, remedy="Pack it with `cairn.build pack`.")
-    if info.header_offset < 0:
-        # `zipfile` would let the file system refuse it.
-        raise zipfile.BadZipFile(f"{name} begins before the archive")
+    check_position(info)
     return entries.open(info)
 
 

@@ -61,8 +61,8 @@ class Checkpoint:
         self.transformer = transformer
         self.autoencoder = autoencoder
         self.too_small = 0
-        self._sources = self._settle_transformer()
-        self._settle_autoencoder()
+        self._sources = self._match_transformer()
+        self._match_autoencoder()
 
     @property
     def provenance(self) -> dict[str, str]:
@@ -122,7 +122,7 @@ class Checkpoint:
 
     # Before any weights are read.
 
-    def _settle_transformer(self) -> dict[str, list[tuple[str, Meaning]]]:
+    def _match_transformer(self) -> dict[str, list[tuple[str, Meaning]]]:
         needed = {w.name: w for w in transformer_weights(self.geometry)}
         slots = [s for s in needed if s != "cond_head.bias_in"]
         slots += [f"cond_head.bias_in.{i}" for i in range(self.geometry.layers)]
@@ -191,7 +191,7 @@ class Checkpoint:
         shape = next(w.shape for w in transformer_weights(g) if w.name == slot)
         return tuple(reversed(shape)) if len(shape) == 2 else shape
 
-    def _settle_autoencoder(self) -> None:
+    def _match_autoencoder(self) -> None:
         shapes = dict(self.autoencoder.shapes)
         for weight in autoencoder_weights(self.geometry):
             shape = shapes.pop(weight.name, None)

@@ -7,6 +7,7 @@ import json
 import sys
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 from . import archive, costs, measured, rates, sensitivity, table
 from .checkpoint import open_checkpoint
@@ -384,6 +385,10 @@ def _random(options: argparse.Namespace) -> int:
 
 def _describe(options: argparse.Namespace) -> int:
     if options.bundle is not None:
+        shapes = ["preset", *_SHAPES, "patch", "decoder_widths", "render"]
+        for name in (name for name in shapes if getattr(options, name) is not None):
+            option = "--" + name.replace("_", "-")
+            raise BuildError("a bundle has its own shapes", field=option, remedy=f"Leave out {option}, or the bundle.")
         print(table.describe(archive.read_geometry(options.bundle), archive.read_quantisation(options.bundle)))
     else:
         print(table.describe(chosen_geometry(options)))
@@ -399,15 +404,15 @@ def _rates(options: argparse.Namespace) -> int:
         for option, given in (("--weights", options.weights != 16), ("--summary", options.summary), ("--reports", options.reports)):
             if given:
                 raise BuildError("the table of bits has all of them and nothing else", field=option, remedy=f"Leave out {option}.")
-        if any(quantisation is not None for _, _, quantisation in named):
+        if any(world.quantisation is not None for world in named):
             raise BuildError("a bundle has fewer bits already", field="--by-bits", remedy="Name the bundle that it was made from.")
         suffix = ", joined passes" if options.joined else ""
-        worlds = [rates.in_each_precision(name + suffix, g.with_(joined=options.joined)) for name, g, _ in named]
+        worlds = [rates.in_each_precision(world.name + suffix, world.geometry.with_(joined=options.joined)) for world in named]
         print(rates.by_bits(worlds))
         return 0
     if options.joined:
-        named = [(f"{name}, joined passes", g.with_(joined=True), quantisation) for name, g, quantisation in named]
-    worlds = [rates.World(*world) for world in named]
+        named = [world._replace(name=f"{world.name}, joined passes", geometry=world.geometry.with_(joined=True)) for world in named]
+    worlds = [rates.World(world.name, world.geometry, world.quantisation) for world in named]
     if options.reports is None:
         print((rates.summary if options.summary else rates.table)(worlds))
         return 0
@@ -425,20 +430,39 @@ def _rates(options: argparse.Namespace) -> int:
     return 0
 
 
-def _named_worlds(options: argparse.Namespace) -> list[tuple[str, Geometry, Quantisation | None]]:
-    """Names, shapes and smaller weights of the bundles and presets."""
-    worlds = [(b.stem, archive.read_geometry(b), archive.read_quantisation(b)) for b in options.bundles]
+class _NamedWorld(NamedTuple):
+    """A bundle or a preset that the command line names."""
+
+    name: str
+    geometry: Geometry
+    quantisation: Quantisation | None
+    bundle: Path | None = None
+
+
+def _named_worlds(options: argparse.Namespace) -> list[_NamedWorld]:
+    """The bundles and presets. Their names differ."""
+    worlds = [_NamedWorld(_bundle_name(b), archive.read_geometry(b), archive.read_quantisation(b), b) for b in options.bundles]
     quantisation = None if options.weights == 16 else Quantisation(options.weights)
     suffix = "" if quantisation is None else f", {options.weights}-bit weights"
-    worlds += [(name + suffix, PRESETS[name][1], quantisation) for name in options.preset]
+    worlds += [_NamedWorld(name + suffix, PRESETS[name][1], quantisation) for name in options.preset]
     if not worlds:
         raise BuildError("no world is named", field="bundle", remedy="Name a bundle, or shapes: --preset 360p --preset 720p.")
+    names = [world.name for world in worlds]
+    for name in (name for name in names if names.count(name) > 1):
+        raise BuildError(f"several worlds are called {name}", field="bundle", remedy="Rename one of the bundles, or name it alone.")
     return worlds
 
 
+def _bundle_name(bundle: Path) -> str:
+    return bundle.resolve().name.removesuffix(archive.SUFFIX)
+
+
 def _costs(options: argparse.Namespace) -> int:
-    stored = {bundle.stem: costs.stored_graphs(bundle) for bundle in options.bundles}
-    print(json.dumps({name: costs.world_costs(g, q, stored.get(name)) for name, g, q in _named_worlds(options)}))
+    found = {}
+    for world in _named_worlds(options):
+        graphs = None if world.bundle is None else costs.stored_graphs(world.bundle)
+        found[world.name] = costs.world_costs(world.geometry, world.quantisation, graphs)
+    print(json.dumps(found))
     return 0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from pathlib import Path
 
 import yaml
@@ -73,8 +74,9 @@ def read_config(path: Path, max_window: int, **autoencoder) -> Geometry:
         raise BuildError("it is longer than 1 MiB", field=str(path), remedy="Fetch the checkpoint's config.yaml.")
     try:
         config = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise BuildError(f"it is no YAML ({error})", field=str(path), remedy="Fetch it again.") from error
+    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
+        # Dates and numbers that Python has not are a ValueError or an OverflowError.
+        raise BuildError(f"it is no YAML ({error!s:.300})", field=str(path), remedy="Fetch it again.") from error
     if not isinstance(config, dict):
         raise BuildError("it is no mapping", field=str(path), remedy="Fetch it again.")
     missing = [name for name in _REQUIRED if name not in config]
@@ -84,7 +86,7 @@ def read_config(path: Path, max_window: int, **autoencoder) -> Geometry:
     for name, wanted in _FIXED.items():
         if name in config and (config[name] != wanted or isinstance(config[name], bool) != isinstance(wanted, bool)):
             raise BuildError(
-                f"{config[name]!r} is another model, {wanted!r} is what is read",
+                f"{_shown(config[name])} is another model, {wanted!r} is what is read",
                 field=f"config.yaml: {name}",
                 remedy="Only Waypoint-1.5 checkpoints can become bundles.",
             )
@@ -97,7 +99,7 @@ def _refuse_unknown(config: dict, known: frozenset[str], place: str) -> None:
         if name not in known:
             raise BuildError(
                 "this builder does not know it, so the checkpoint may be of another model",
-                field=f"{place}: {name}",
+                field=f"{place}: {name if isinstance(name, str) and len(name) <= 100 else _shown(name)}",
                 remedy="Use a newer builder, or remove the key if the model does not depend on it.",
             )
 
@@ -141,20 +143,35 @@ def _geometry(config: dict, max_window: int, autoencoder: dict) -> Geometry:
     if isinstance(conv, dict):
         _refuse_unknown(conv, _KNOWN_OF_CONVOLUTION, "config.yaml: conv_kw")
     if not isinstance(conv, dict) or any(conv.get(k, list(patch)) != list(patch) for k in _KNOWN_OF_CONVOLUTION):
-        raise BuildError(f"{conv!r} is not the patch {list(patch)}", field="config.yaml: conv_kw", remedy="Fetch it again.")
+        raise BuildError(f"{_shown(conv)} is not the patch {list(patch)}", field="config.yaml: conv_kw", remedy="Fetch it again.")
     return geometry
 
 
 def _number(config: dict, name: str, kind: type = int, default=None):
     value = config.get(name, default)
-    if isinstance(value, bool) or not isinstance(value, (int, kind)):
-        raise BuildError(f"{value!r} is no number of the right kind", field=f"config.yaml: {name}", remedy="Fetch it again.")
+    if not _is_number(value, kind):
+        raise BuildError(f"{_shown(value)} is no number of the right kind", field=f"config.yaml: {name}", remedy="Fetch it again.")
     return kind(value)
 
 
 def _numbers(config: dict, name: str, count: int | None, kind: type) -> tuple:
     value = config[name]
-    good = isinstance(value, list) and all(isinstance(v, (int, kind)) and not isinstance(v, bool) for v in value)
+    good = isinstance(value, list) and all(_is_number(v, kind) for v in value)
     if not good or (count is not None and len(value) != count):
-        raise BuildError(f"{value!r} is no list of numbers", field=f"config.yaml: {name}", remedy="Fetch it again.")
+        raise BuildError(f"{_shown(value)} is no list of numbers", field=f"config.yaml: {name}", remedy="Fetch it again.")
     return tuple(kind(v) for v in value)
+
+
+def _is_number(value: object, kind: type) -> bool:
+    if isinstance(value, bool) or not isinstance(value, (int, kind)):
+        return False
+    # A longer int may have no text and no float.
+    return not isinstance(value, int) or abs(value) < 1 << 63
+
+
+def _shown(value: object) -> str:
+    """A value of the file for a message, shortened."""
+    try:
+        return reprlib.repr(value)
+    except ValueError:
+        return "an int of more digits than Python writes"

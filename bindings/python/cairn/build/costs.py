@@ -10,6 +10,7 @@ import onnx
 
 from . import archive
 from .conditioning import CONTROLS, PASS, parts
+from .errors import BuildError
 from .geometry import Geometry
 from .quantise import Quantisation
 from .reader import read_manifest, read_model
@@ -85,9 +86,14 @@ class StoredGraph:
 
 
 def stored_graphs(bundle: Path) -> dict[str, StoredGraph]:
-    """The float16 graphs of a bundle, by their kinds: those of an earlier version of the builder may differ from what this one builds."""
+    """The float16 graphs of a bundle, by their kinds: those of an earlier version of the builder may differ from what this one builds.
+
+    Raises `BuildError`, also if the bundle has none.
+    """
     with archive.verified_folder(bundle) as folder:
-        paths = read_manifest(folder)["graphs"]["f16"]
+        paths = read_manifest(folder)["graphs"].get("f16")
+        if paths is None:
+            raise BuildError("it has no f16 graphs", field=str(bundle), remedy="Build it with both precisions.")
         return {kind: StoredGraph(read_model((folder / path).read_bytes(), path)) for kind, path in paths.items()}
 
 

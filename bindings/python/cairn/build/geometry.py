@@ -124,7 +124,7 @@ class Geometry:
             not a > b for a, b in steps
         ):
             raise BuildError(
-                f"{self.schedule!r} does not fall strictly from at most 1 to exactly 0",
+                f"{self.schedule!r:.100} does not fall strictly from at most 1 to exactly 0",
                 field="schedule",
                 remedy="Give 2 to 64 falling noise levels, such as 1 0.9 0.75 0.3 0.",
             )

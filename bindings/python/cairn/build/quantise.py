@@ -6,6 +6,7 @@ that stands for (q - 2^(bits - 1)) * scale. The rounding needs no data but the m
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,27 +48,27 @@ class Quantisation:
             if value not in allowed:
                 raise BuildError(f"{value} is none of {', '.join(map(str, allowed))}", field=field, remedy="Choose one of these.")
 
-    def takes(self, weight: Weight) -> bool:
+    def quantises(self, weight: Weight) -> bool:
         """Whether a stored tensor becomes smaller: a matrix of a layer, of whole blocks, that is not to stay in 16 bits."""
         is_matrix = weight.name.startswith("blocks.") and len(weight.shape) == 2 and weight.shape[0] % self.block == 0
-        return is_matrix and not any(_is_within(weight.name, prefix) for prefix in self.kept)
+        return is_matrix and not is_kept(weight.name, self.kept)
 
     def stored(self, tensors: list[Packed]) -> list[Packed]:
         """The tensors as they are stored, with two in place of each matrix that becomes smaller. The library requires at least one."""
         for prefix in self.kept:
-            if not any(_is_within(packed.whole.name, prefix) for packed in tensors):
+            if not any(is_kept(packed.whole.name, [prefix]) for packed in tensors):
                 raise BuildError(
                     "no stored tensor has this name, or starts with it",
                     field=f"--keep-16 {prefix}",
                     remedy="Name layers or matrices, such as blocks.0, blocks.3.mlp or blocks.1.attn.qkv_proj.",
                 )
-        if not any(self.takes(packed.whole) for packed in tensors):
-            if self.kept and any(replace(self, kept=()).takes(packed.whole) for packed in tensors):
+        if not any(self.quantises(packed.whole) for packed in tensors):
+            if self.kept and any(replace(self, kept=()).quantises(packed.whole) for packed in tensors):
                 cause = "with these names every matrix of the layers stays in 16 bits, so nothing is quantised"
                 raise BuildError(cause, field=f"--keep-16 {','.join(self.kept)}", remedy="Name fewer layers or matrices.")
             cause = f"no matrix of the layers has a multiple of {self.block} rows, so nothing is quantised"
             raise BuildError(cause, field=f"--block {self.block}", remedy="Use smaller blocks.")
-        return [part for packed in tensors for part in (self._divided(packed) if self.takes(packed.whole) else [packed])]
+        return [part for packed in tensors for part in (self._divided(packed) if self.quantises(packed.whole) else [packed])]
 
     def _divided(self, packed: Packed) -> list[Packed]:
         whole = packed.whole
@@ -76,13 +77,12 @@ class Quantisation:
         numbers = Weight(whole.name + NUMBERS, (columns, blocks, self.block * self.bits // 8), whole.fan_in, "u8")
         scales = Weight(whole.name + SCALES, (columns, blocks), whole.fan_in)
 
-        def part(which: int):
-            return lambda arrays: rounded(packed.pack(arrays), self.bits, self.block)[which]
+        rounding = _Rounding(packed, self.bits, self.block)
 
         def refuse(_):
             raise AssertionError("the 16-bit numbers of a rounded matrix are lost")
 
-        return [Packed(weight, packed.parts, part(i), refuse) for i, weight in enumerate((numbers, scales))]
+        return [Packed(numbers, packed.parts, rounding.numbers, refuse), Packed(scales, packed.parts, rounding.scales, refuse)]
 
     def manifest(self) -> dict:
         """The member `quantisation` of a manifest."""
@@ -92,6 +92,29 @@ class Quantisation:
             "activation_bits": self.activation_bits,
             "kept_in_16_bits": list(self.kept),
         }
+
+
+class _Rounding:
+    """Rounds a stored matrix. If `scales` is called after `numbers` with the same list of arrays, the matrix is rounded once."""
+
+    def __init__(self, packed: Packed, bits: int, block: int):
+        self._packed, self._bits, self._block = packed, bits, block
+        # The arrays that `numbers` was called with, and their scales.
+        self._last: tuple[list[np.ndarray], np.ndarray] | None = None
+
+    def numbers(self, arrays: list[np.ndarray]) -> np.ndarray:
+        """The integers, as they are stored."""
+        numbers, scales = rounded(self._packed.pack(arrays), self._bits, self._block)
+        self._last = arrays, scales
+        return numbers
+
+    def scales(self, arrays: list[np.ndarray]) -> np.ndarray:
+        """The scales, as they are stored."""
+        # The arrays are released, so that those of one matrix at a time are in memory.
+        last, self._last = self._last, None
+        if last is not None and last[0] is arrays:
+            return last[1]
+        return rounded(self._packed.pack(arrays), self._bits, self._block)[1]
 
 
 def of_manifest(content: dict) -> Quantisation | None:
@@ -110,7 +133,7 @@ def of_manifest(content: dict) -> Quantisation | None:
 def counts(g: Geometry, quantisation: Quantisation) -> tuple[int, int]:
     """The transformer's numbers that become smaller, and all of its numbers."""
     weights = [packed.whole for packed in stored_transformer(g)]
-    return sum(w.count for w in weights if quantisation.takes(w)), sum(w.count for w in weights)
+    return sum(w.count for w in weights if quantisation.quantises(w)), sum(w.count for w in weights)
 
 
 def unpacked_bytes(g: Geometry, quantisation: Quantisation | None, precision: str) -> int:
@@ -137,7 +160,7 @@ def unpacked_numbers(g: Geometry, quantisation: Quantisation | None) -> int:
 
 def _quantised(g: Geometry, quantisation: Quantisation) -> list[Packed]:
     """The matrices that become smaller."""
-    return [packed for packed in stored_transformer(g) if quantisation.takes(packed.whole)]
+    return [packed for packed in stored_transformer(g) if quantisation.quantises(packed.whole)]
 
 
 def rounded(matrix: np.ndarray, bits: int, block: int) -> tuple[np.ndarray, np.ndarray]:
@@ -186,5 +209,6 @@ def _positive(scales: np.ndarray) -> np.ndarray:
     return np.maximum(scales.astype(np.float16), np.float16(2.0**-24))
 
 
-def _is_within(name: str, prefix: str) -> bool:
-    return name == prefix or name.startswith(prefix + ".")
+def is_kept(name: str, kept: Iterable[str]) -> bool:
+    """Whether a matrix, or a layer or module around it, is among `kept`."""
+    return any(name == prefix or name.startswith(prefix + ".") for prefix in kept)

@@ -95,8 +95,8 @@ class RandomAutoencoder:
         """A pooling layer averages its frames; a growing layer makes frames that differ slightly."""
         name = weight.name
         outputs, inputs = weight.shape[:2]
-        room, layer, _, _ = name.split(".")
-        if room == "encoder":
+        network, layer, _, _ = name.split(".")
+        if network == "encoder":
             frames = ENCODER_POOLING[(int(layer) - 2) // 5]
             one = self.frame(f"{name}.0", outputs, inputs // frames, 1.0 / frames)
             parts = [one + self.frame(f"{name}.{k + 1}", outputs, inputs // frames, FRAME / frames) for k in range(frames)]

@@ -17,7 +17,7 @@ from onnx import TensorProto, helper
 from . import archive
 from .errors import BuildError
 from .geometry import Geometry
-from .quantise import Quantisation, restored, rounded
+from .quantise import Quantisation, is_kept, restored, rounded
 from .reader import read_manifest
 from .stored import StoredWeights
 from .transformer import to_bfloat16
@@ -58,11 +58,6 @@ class Report:
         """Share of the layers' numbers that the names keep in 16 bits."""
         kept = sum(size for name, size in self.sizes.items() if is_kept(name, self.kept))
         return kept / sum(self.sizes.values())
-
-
-def is_kept(name: str, kept: Iterable[str]) -> bool:
-    """Whether a matrix, or a layer or module around it, is among `kept`."""
-    return any(name == prefix or name.startswith(prefix + ".") for prefix in kept)
 
 
 def measure(
@@ -177,7 +172,7 @@ class Transformer:
         def array(packed: Packed) -> np.ndarray:
             return np.ascontiguousarray(packed.pack([source.get(part) for part in packed.parts]))
 
-        taken = {name for name, packed in stored.items() if quantisation.takes(packed.whole)}
+        taken = {name for name, packed in stored.items() if quantisation.quantises(packed.whole)}
         # Without the suffix, as `--keep-16` names them; in float16.
         self.matrices = {name.removesuffix(_SUFFIX): array(stored[name]) for name in stored if name in taken}
         self._whole = {f"{name}{_SUFFIX}.f32": matrix.astype(np.float32) for name, matrix in self.matrices.items()}

@@ -11,6 +11,7 @@ from onnx import TensorProto
 
 from . import archive
 from .errors import BuildError
+from .files import check_free
 from .geometry import Geometry
 from .manifest import NAME_LIMIT, Licence
 from .quantise import Quantisation, of_manifest
@@ -91,7 +92,12 @@ def rebuild(
 ) -> Path:
     """Writes `bundle`, a folder or an archive, to `out` with the graphs of this version. Its numbers and its manifest's facts stay as they are,
     except that `quantisation` stores the matrices of its layers in fewer bits, and then the name says so. `residual` is the type of the residual
-    stream in f16 graphs, if it is to change. `joined` adds joined graphs; a bundle that has them keeps them."""
+    stream in f16 graphs, if it is to change. `joined` adds joined graphs; a bundle that has them keeps them.
+
+    Raises `BuildError`.
+    """
+    # Before all of the bundle is read.
+    check_free(out, replace, as_file=out.suffix == archive.SUFFIX)
     with archive.verified_folder(bundle) as folder:
         geometry = archive.read_geometry(folder)
         geometry = geometry if residual is None else geometry.with_(residual=residual)

@@ -10,12 +10,15 @@ from __future__ import annotations
 import math
 import pickletools
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from .errors import BuildError
+from .zip_damage import DAMAGE, check_position
 
 # The pickle of a state dictionary has a few kilobytes; this bounds the work that hostile bytes can cause.
 PICKLE_LIMIT = 1 << 20
@@ -59,27 +62,29 @@ class TorchTensor:
 
 
 class TorchFile:
-    """A file of `torch.save` with one dictionary of tensors: `tensors` by name, and `read` for their bytes."""
+    """A file of `torch.save` with one dictionary of tensors: `tensors` by name, and `read` for their bytes. The file is open only while it is
+    read.
+    """
 
     def __init__(self, path: Path):
         self.path = path
-        try:
-            self._zip = zipfile.ZipFile(path)
-        except (zipfile.BadZipFile, EOFError) as error:
-            raise self._error(f"it is no zip file ({error})", _REMEDY) from error
-        pickles = [n for n in self._zip.namelist() if n == "data.pkl" or n.endswith("/data.pkl")]
-        if len(pickles) != 1:
-            raise self._error(f"it holds {len(pickles)} entries called data.pkl, one is expected", _REMEDY)
-        self._prefix = pickles[0].removesuffix("data.pkl")
-        if f"{self._prefix}byteorder" in self._zip.namelist() and self._entry("byteorder", 16).strip() != b"little":
-            raise self._error("its numbers are not little-endian", _REMEDY)
-        self.tensors = self._state(_Interpreter(self._entry("data.pkl", PICKLE_LIMIT), self._error).run())
+        with self._opened() as archive:
+            names = archive.namelist()
+            pickles = [n for n in names if n == "data.pkl" or n.endswith("/data.pkl")]
+            if len(pickles) != 1:
+                raise self._error(f"it holds {len(pickles)} entries called data.pkl, one is expected", _REMEDY)
+            self._prefix = pickles[0].removesuffix("data.pkl")
+            if f"{self._prefix}byteorder" in names and self._entry(archive, "byteorder", 16).strip() != b"little":
+                raise self._error("its numbers are not little-endian", _REMEDY)
+            pickled = self._entry(archive, "data.pkl", PICKLE_LIMIT)
+        self.tensors = self._state(_Interpreter(pickled, self._error).run())
 
     def read(self, name: str) -> bytes:
         """The numbers of one tensor in C order, little-endian."""
         tensor = self.tensors[name]
         size = 4 if tensor.kind == "F32" else 2
-        data = self._entry(f"data/{tensor.storage.key}", STORAGE_LIMIT)
+        with self._opened() as archive:
+            data = self._entry(archive, f"data/{tensor.storage.key}", STORAGE_LIMIT)
         if len(data) != size * tensor.storage.count:
             wanted = size * tensor.storage.count
             raise self._error(f"storage {tensor.storage.key} of {name} is {len(data)} bytes, {wanted} were named", _REMEDY)
@@ -88,17 +93,27 @@ class TorchFile:
         view = np.lib.stride_tricks.as_strided(numbers[tensor.offset :], tensor.shape, strides, writeable=False)
         return view.tobytes()
 
-    def _entry(self, name: str, limit: int) -> bytes:
+    @contextmanager
+    def _opened(self) -> Iterator[zipfile.ZipFile]:
+        try:
+            archive = zipfile.ZipFile(self.path)
+        except DAMAGE as error:
+            raise self._error(f"it is no zip file ({error})", _REMEDY) from error
+        with archive:
+            yield archive
+
+    def _entry(self, archive: zipfile.ZipFile, name: str, limit: int) -> bytes:
         full = f"{self._prefix}{name}"
         try:
-            info = self._zip.getinfo(full)
+            info = archive.getinfo(full)
         except KeyError:
             raise self._error(f"entry {full} is missing", _REMEDY) from None
         if info.compress_type != zipfile.ZIP_STORED or info.flag_bits & 1 or info.file_size > limit:
             raise self._error(f"entry {full} is compressed, encrypted or longer than {limit} bytes", _REMEDY)
         try:
-            return self._zip.read(info)
-        except (zipfile.BadZipFile, EOFError) as error:
+            check_position(info)
+            return archive.read(info)
+        except DAMAGE as error:
             raise self._error(f"entry {full} is damaged ({error})", "Fetch the file again.") from error
 
     def _state(self, found: object) -> dict[str, TorchTensor]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 import math
 import tempfile
@@ -105,7 +106,7 @@ def build_bundle(
     if licence.text is not None:
         _check_licence_file(licence.file)
     _check_values(g, quantisation)
-    check_free(out, replace)
+    check_free(out, replace, as_file=out.suffix == archive.SUFFIX)
     facts = (name, provenance, licence, rounding, precisions, progress, quantisation)
     if out.suffix == archive.SUFFIX:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -184,19 +185,20 @@ def _write(folder, g, source, name, provenance, licence, rounding, precisions, p
 
 
 def _write_weights(folder, group, source, files, progress, done: int, total: int) -> int:
-    """Writes one file of weights, one tensor after the other, so that only one is in memory at a time."""
+    """Writes one file of weights. Only the parts of one tensor, or of the tensors that share them, are in memory at a time."""
     file = next(iter(group.values())).file
     digest, size = hashlib.sha256(), 0
     with open(folder / file, "wb") as sink:
-        for p in group.values():
-            progress(f"{file}: {p.weight.name}", done, total)
-            parts = [checked(source.get(weight), weight) for weight in p.packed.parts]
-            data = np.ascontiguousarray(p.packed.pack(parts)).tobytes()
-            data += bytes(-len(data) % ALIGNMENT)
-            digest.update(data)
-            sink.write(data)
-            size += len(data)
-            done += p.length
+        for weights, tensors in itertools.groupby(group.values(), key=lambda p: p.packed.parts):
+            parts = [checked(source.get(weight), weight) for weight in weights]
+            for p in tensors:
+                progress(f"{file}: {p.weight.name}", done, total)
+                data = np.ascontiguousarray(p.packed.pack(parts)).tobytes()
+                data += bytes(-len(data) % ALIGNMENT)
+                digest.update(data)
+                sink.write(data)
+                size += len(data)
+                done += p.length
     files[file] = (size, digest.hexdigest())
     return done
 
