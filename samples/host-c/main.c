@@ -3,7 +3,7 @@
  *
  * Build, in the root of the repository, after `cargo build --release`:
  *
- *     cc -std=c11 -Iinclude samples/host-c/[a-z]*.c -o host-c -Ltarget/release -lcairn -lm -Wl,-rpath,$PWD/target/release
+ *     cc -std=c11 -Iinclude samples/host-c/[a-z]*.c -o host-c -Ltarget/release -lcairn -lm "-Wl,-rpath,$PWD/target/release"
  *
  * Run:
  *

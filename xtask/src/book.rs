@@ -12,7 +12,7 @@ use provision::{Console, Progress as _};
 
 use crate::dist::tree::{joined, without_dead_links};
 use crate::shell::show;
-use crate::workspace::Workspace;
+use crate::workspace::{self, Workspace};
 
 /// The chapters in order, with paths relative to `docs/`.
 pub(crate) const SUMMARY: &str = "docs/SUMMARY.md";
@@ -32,10 +32,7 @@ pub(crate) fn run(workspace: &Workspace) -> Result<(), String> {
 /// Renders the book into a folder, which is created anew. Returns the folder of its pages and mdBook's output.
 pub(crate) fn render(workspace: &Workspace, folder: &Path) -> Result<(PathBuf, String), String> {
     let mdbook = provision::mdbook(&Console::new()).map_err(|e| e.to_string())?;
-    match fs::remove_dir_all(folder) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),
-        _ => {}
-    }
+    workspace::remove(folder)?;
     let (stage, pages) = (folder.join("source"), folder.join("html"));
     stage_pages(workspace, &stage)?;
     let mut command = Command::new(mdbook);

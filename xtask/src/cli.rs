@@ -18,7 +18,7 @@ use crate::dist::Platform;
                   cargo xtask fix            format, and apply what clippy can mend\n  \
                   cargo xtask test clippy    run only the runners whose name holds \"clippy\"\n  \
                   cargo xtask test --list    show the runners\n\n\
-                  Needs rustup, Python 3.11 or newer with pip, and a C compiler; all else is fetched once, by package\n\
+                  Needs rustup, Python 3.11 to 3.14 with pip, and a C compiler; all else is fetched once, by package\n\
                   name, into the user's cache directory (CAIRN_CACHE_DIR puts it elsewhere)."
 )]
 pub(crate) struct Cli {
@@ -36,7 +36,7 @@ pub(crate) enum Command {
     },
     /// Set up, then film the world's four levels, make four seconds of a rollout and two of frame generation; says which files to open
     Demo {
-        /// Handed on to `study demo`
+        /// Passed to `study demo`
         #[arg(last = true)]
         arguments: Vec<String>,
     },
@@ -53,7 +53,7 @@ pub(crate) enum Command {
         /// Write the counts to xtask/counts.toml and docs/counts.md; `test recorder` fails where one rises by 2 % or more
         #[arg(long, requires = "count")]
         publish: bool,
-        /// Handed on to the bench program
+        /// Passed to the bench program
         #[arg(last = true, conflicts_with = "count")]
         arguments: Vec<String>,
     },

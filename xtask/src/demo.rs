@@ -31,7 +31,7 @@ pub(crate) fn provide_all(workspace: &Workspace, progress: &dyn Progress) -> Res
     tools::rust_component("clippy", "cargo-clippy", progress).map_err(text)?;
     tools::rust_target(tools::WINDOWS_TARGET, progress).map_err(text)?;
     tools::mingw(progress).map_err(text)?;
-    // If they cannot be installed, the header's test reports it.
+    // A failure is ignored here: the header's test reports it.
     _ = (tools::clang("clang++", progress), tools::mingw_compiler(true, progress), tools::cmake(progress));
     provision::python_env(progress).map_err(text)?;
     provision::test_bundles(progress).map_err(text)?;
@@ -40,7 +40,7 @@ pub(crate) fn provide_all(workspace: &Workspace, progress: &dyn Progress) -> Res
         provision::newest_onnxruntime(progress).map_err(text)?;
     }
     provision::lpips_weights(progress).map_err(text)?;
-    // As the runners that need it do.
+    // A failure is ignored here: the runner that needs it reports it.
     _ = tools::nightly(&["rust-src"], progress);
     provision::training_env(progress).map_err(text)?;
     _ = (provision::mono(progress), provision::dotnet(progress));

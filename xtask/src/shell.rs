@@ -67,7 +67,12 @@ impl Log {
         loop {
             match lines.recv_timeout(Duration::from_millis(500)) {
                 Ok(line) => {
-                    self.file.write_all(line.as_bytes()).map_err(|e| format!("{}: {e}", self.path.display()))?;
+                    if let Err(e) = self.file.write_all(line.as_bytes()) {
+                        // Otherwise it would go on without a log.
+                        _ = child.kill();
+                        _ = child.wait();
+                        return Err(format!("{}: {e}", self.path.display()));
+                    }
                     output.push_str(&line);
                     last = line.trim().chars().take(80).collect();
                     self.screen.detail(&last);

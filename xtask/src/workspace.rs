@@ -1,10 +1,25 @@
 //! The workspace: the repository's root, cargo's target folder, and commands that run in the root.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use provision::tools;
+
+/// Removes a file or a folder with all that is in it; a missing one is no error.
+pub(crate) fn remove(path: &Path) -> Result<(), String> {
+    let removed = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+    match removed {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(format!("{}: {e}", path.display())),
+        _ => Ok(()),
+    }
+}
+
+/// Makes a folder empty, or creates it.
+pub(crate) fn make_empty(folder: &Path) -> Result<(), String> {
+    remove(folder)?;
+    fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))
+}
 
 /// The workspace that this program was compiled in.
 #[derive(Debug, Clone)]

@@ -78,7 +78,7 @@ pub fn mono(progress: &dyn Progress) -> Result<Mono> {
     if version.is_none() {
         // apt knows the version only after it has fetched the lists, for which it needs root.
         progress.start("asking apt for Mono");
-        _ = process::run(Command::new("apt-get").args(["update", "-qq"]), |line| progress.detail(line));
+        tools::update_apt_lists(progress)?;
         version = candidate();
     }
     let version = version.ok_or_else(|| fail("the machine's apt has no package mono-mcs".to_owned()))?;

@@ -1,5 +1,6 @@
 //! Reports to the caller what is being fetched.
 
+use std::io::{self, Write};
 use std::sync::{LazyLock, Mutex};
 use std::time::Instant;
 
@@ -59,11 +60,15 @@ impl Console {
     /// A line that stays.
     fn print(line: &str) {
         if LINES.is_hidden() {
-            eprintln!("{line}");
+            Self::print_plain(line);
         } else {
-            // Progress is a courtesy: a closed stderr is no reason to stop the work.
             _ = LINES.println(line);
         }
+    }
+
+    /// A line without a terminal. A closed stderr is no reason to stop the work, and `eprintln!` would panic.
+    fn print_plain(line: &str) {
+        _ = writeln!(io::stderr(), "{line}");
     }
 }
 
@@ -77,7 +82,7 @@ impl Progress for Console {
             }
             bar.tick();
             if LINES.is_hidden() {
-                eprintln!("  {what} ...");
+                Self::print_plain(&format!("  {what} ..."));
             }
             *job = Some(Job { what: what.to_owned(), bar, began: now, last_line: now });
         });
@@ -91,7 +96,7 @@ impl Progress for Console {
                 job.last_line = Instant::now();
                 // What a job is doing is told after a colon, and its line said it.
                 let name = job.what.split(':').next().unwrap_or_default();
-                eprintln!("    {name}, {} s: {detail}", job.began.elapsed().as_secs());
+                Self::print_plain(&format!("    {name}, {} s: {detail}", job.began.elapsed().as_secs()));
             }
         });
     }

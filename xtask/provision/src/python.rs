@@ -10,12 +10,25 @@ use crate::cache::{self, size_of};
 use crate::process::{self, ProcessOutput};
 use crate::{Error, Progress, Result, repository};
 
-/// The oldest Python that works.
-const OLDEST: (u32, u32) = (3, 11);
+/// A version, major and minor.
+type Version = (u32, u32);
 
-/// Tried in this order; the versioned names help where `python3` is an old one, and `py` starts the Pythons of Windows that are not on the PATH.
-const NAMES: [&str; 8] =
-    ["python3", "python", "py", "python3.15", "python3.14", "python3.13", "python3.12", "python3.11"];
+/// The oldest Python that works.
+const OLDEST: Version = (3, 11);
+
+/// The newest Python that the pinned packages have wheels for.
+const NEWEST: Version = (3, 14);
+
+/// The oldest pip that has the option `--python`.
+const OLDEST_PIP: Version = (22, 3);
+
+/// Tried in this order; the versioned names help where `python3` is too old or too new, and `py` starts the Pythons of Windows that are not on
+/// the PATH.
+const NAMES: [&str; 7] = ["python3", "python", "py", "python3.14", "python3.13", "python3.12", "python3.11"];
+
+/// Python's options for printing paths: without the user's variables and packages, and in UTF-8. On Windows it would print in the ANSI code
+/// page, which lacks letters that a user's name may have.
+const PRINT_UTF8: [&str; 3] = ["-X", "utf8", "-I"];
 
 /// Pinned packages, one per line.
 pub(crate) const REQUIREMENTS: &str = include_str!("../requirements.txt");
@@ -26,7 +39,7 @@ const TRAINING: &str = include_str!("../training.txt");
 /// All packages for a sweep through Ray, also pinned.
 const CLUSTER: &str = include_str!("../cluster.txt");
 
-/// A Python that is new enough and has pip.
+/// A Python of a supported version that has pip.
 #[derive(Debug)]
 pub(crate) struct Python {
     /// Path of the interpreter.
@@ -37,7 +50,7 @@ pub(crate) struct Python {
     is_of_store: bool,
 }
 
-/// Finds the machine's Python: `$CAIRN_PYTHON`, else the first of the usual names that is new enough.
+/// Finds the machine's Python: `$CAIRN_PYTHON`, else the first of the usual names that is suitable.
 pub(crate) fn find() -> Result<Python> {
     let own = std::env::var_os("CAIRN_PYTHON").filter(|value| !value.is_empty());
     match own {
@@ -52,7 +65,7 @@ pub(crate) fn find() -> Result<Python> {
 
 /// Finds a newer Python than most features need: the usual one if it suffices, else any of the usual names, else one
 /// that pyenv has.
-pub(crate) fn find_at_least(oldest: (u32, u32)) -> Result<Python> {
+pub(crate) fn find_at_least(oldest: Version) -> Result<Python> {
     let mut candidates: Vec<PathBuf> = std::env::var_os("CAIRN_PYTHON").into_iter().map(PathBuf::from).collect();
     candidates.extend(NAMES.map(PathBuf::from));
     let root = std::env::var_os("PYENV_ROOT").map(PathBuf::from);
@@ -65,21 +78,24 @@ pub(crate) fn find_at_least(oldest: (u32, u32)) -> Result<Python> {
     first_of(&candidates, oldest, "no python3 or python is on the PATH")
 }
 
-/// The first Python of `names` that is new enough; `nothing` is the message if there is none at all.
-fn first_of(names: &[PathBuf], oldest: (u32, u32), nothing: &str) -> Result<Python> {
+/// The first Python of `names` from `oldest` to [`NEWEST`] with a suitable pip; `nothing` is the message if there is none at all.
+fn first_of(names: &[PathBuf], oldest: Version, nothing: &str) -> Result<Python> {
     // What the Store's Python writes below AppData, where the cache is, Windows keeps apart, and no other program sees it.
     let may_be_of_store = std::env::var_os("CAIRN_CACHE_DIR").is_some();
-    let (mut seen, mut of_store) = (Vec::new(), None);
+    let (mut seen, mut of_store, mut without_pip) = (Vec::new(), None, None);
     for name in names {
         match python_at(name, oldest) {
             Ok(python) if python.is_of_store && !may_be_of_store => of_store = of_store.or(Some(python)),
-            Ok(python) => {
-                require_pip(&python)?;
-                return Ok(python);
-            }
+            Ok(python) => match require_pip(&python) {
+                Ok(()) => return Ok(python),
+                Err(why) => without_pip = Some(why),
+            },
             Err(Some(why)) => seen.push(why),
             Err(None) => {}
         }
+    }
+    if let Some(why) = without_pip {
+        return Err(why);
     }
     if let Some(Python { program, .. }) = of_store {
         let cause =
@@ -89,26 +105,36 @@ fn first_of(names: &[PathBuf], oldest: (u32, u32), nothing: &str) -> Result<Pyth
     }
     let cause = match seen.is_empty() {
         true => nothing.to_owned(),
-        false => format!("only too old ones were found: {}", seen.join(", ")),
+        false => format!("only other versions were found: {}", seen.join(", ")),
     };
-    let (major, minor) = oldest;
+    let wanted = format!("Python {} to {}", dotted(oldest), dotted(NEWEST));
     let remedy = format!(
-        "Install Python {major}.{minor} or newer with pip (Debian and Ubuntu: apt install python3 python3-pip; Windows: \
-         python.org), or set CAIRN_PYTHON to one"
+        "Install {wanted} with pip (Debian and Ubuntu: apt install python3 python3-pip; Fedora: dnf install python3-pip; \
+         Arch: pacman -S python-pip; Windows: python.org), or set CAIRN_PYTHON to one"
     );
-    Err(Error::new(format!("Python {major}.{minor} or newer"), cause, remedy))
+    Err(Error::new(wanted, cause, remedy))
 }
 
-/// The Python that `name` starts; else the reason why it is too old, or `None` if there is none.
-fn python_at(name: &Path, oldest: (u32, u32)) -> Result<Python, Option<String>> {
-    const QUESTION: &str = "import sys, platform; print(*sys.version_info[:2]); \
+fn dotted((major, minor): Version) -> String {
+    format!("{major}.{minor}")
+}
+
+/// The first two numbers of a version such as `3.11` or `22.3.1`; `None` if it does not start with two numbers.
+fn version(text: &str) -> Option<Version> {
+    let mut numbers = text.split('.').map(|number| number.parse().ok());
+    Some((numbers.next()??, numbers.next()??))
+}
+
+/// The Python that `name` starts; else its version if that is not supported, or `None` if there is none.
+fn python_at(name: &Path, oldest: Version) -> Result<Python, Option<String>> {
+    const QUESTION: &str = "import sys, platform; print('%d.%d' % sys.version_info[:2]); \
                             print(platform.python_version(), platform.machine(), sys.base_prefix); print(sys.executable)";
-    let answer = process::run(Command::new(name).args(["-I", "-c", QUESTION]), |_| {}).map_err(|_| None)?;
-    let [version, identity, program] = answer.stdout.lines().collect::<Vec<_>>()[..] else { return Err(None) };
-    let (major, minor) = version.trim().split_once(' ').ok_or(None)?;
-    let version: (u32, u32) = (major.parse().map_err(|_| None)?, minor.parse().map_err(|_| None)?);
-    if version < oldest {
-        return Err(Some(format!("{} is {}.{}", name.display(), version.0, version.1)));
+    let arguments = [&PRINT_UTF8[..], &["-c", QUESTION]].concat();
+    let answer = process::run(Command::new(name).args(arguments), |_| {}).map_err(|_| None)?;
+    let [found, identity, program] = answer.stdout.lines().collect::<Vec<_>>()[..] else { return Err(None) };
+    let found = version(found.trim()).ok_or(None)?;
+    if !(oldest..=NEWEST).contains(&found) {
+        return Err(Some(format!("{} is {}", name.display(), dotted(found))));
     }
     let is_of_store = cfg!(windows) && program.to_ascii_lowercase().contains("\\windowsapps\\");
     Ok(Python { program: name.to_owned(), identity: identity.trim().to_owned(), is_of_store })
@@ -117,14 +143,28 @@ fn python_at(name: &Path, oldest: (u32, u32)) -> Result<Python, Option<String>> 
 fn require_pip(python: &Python) -> Result<()> {
     let answer = process::run(Command::new(&python.program).args(["-m", "pip", "--version"]), |_| {})
         .map_err(|e| Error::io(&python.program, &e))?;
-    if answer.status.success() {
-        return Ok(());
+    let program = python.program.display();
+    if !answer.status.success() {
+        return Err(Error::new(
+            "pip",
+            format!("\"{program} -m pip\" does not work: {}", answer.tail(1)),
+            "Install pip for that Python (Debian and Ubuntu: apt install python3-pip; Fedora: dnf install python3-pip; Arch: \
+             pacman -S python-pip; elsewhere: python3 -m ensurepip)",
+        ));
     }
-    Err(Error::new(
-        "pip",
-        format!("\"{} -m pip\" does not work: {}", python.program.display(), answer.tail(1)),
-        "Install pip for that Python (Debian and Ubuntu: apt install python3-pip; elsewhere: python3 -m ensurepip)",
-    ))
+    match pip_version(&answer.stdout) {
+        Some(found) if found < OLDEST_PIP => Err(Error::new(
+            format!("pip {} or newer", dotted(OLDEST_PIP)),
+            format!("\"{program} -m pip\" is {}", dotted(found)),
+            format!("Run {program} -m pip install --user -U pip"),
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// The version that `pip --version` prints, as in `pip 23.0.1 from /usr/lib/python3/dist-packages/pip (python 3.11)`.
+fn pip_version(printed: &str) -> Option<Version> {
+    version(printed.trim_start().strip_prefix("pip ")?.split_whitespace().next()?)
 }
 
 /// Runs pip with the machine's own configuration, shows how much has arrived under `watched`, and explains a failure.
@@ -146,6 +186,8 @@ pub(crate) fn pip(
         .env("TEMP", &temporary)
         .env("TMP", &temporary)
         .env_remove("PIP_TARGET")
+        .env_remove("PIP_USER")
+        .env_remove("PIP_PREFIX")
         .env_remove("PIP_REQUIRE_VIRTUALENV");
     #[expect(clippy::cast_precision_loss, reason = "a size shown with one decimal")]
     let outcome = process::run(&mut command, |_| progress.detail(&format!("{:.1} MB", size_of(watched) as f64 / 1e6)))
@@ -188,7 +230,7 @@ fn explain(wanted: &str, outcome: &ProcessOutput) -> Error {
 /// Run it with [`python_path`] as `PYTHONPATH` to import this repository's own package `cairn`.
 ///
 /// # Errors
-/// No Python >= 3.11 with pip, an unreachable package index, or a disk that is full: cause and remedy are named.
+/// No Python of a supported version with pip, an unreachable package index, or a disk that is full: cause and remedy are named.
 pub fn python_env(progress: &dyn Progress) -> Result<PathBuf> {
     let wanted = "the Python environment of the bundle builder";
     environment("python", &find()?, REQUIREMENTS, wanted, progress).map(|folder| interpreter(&folder))
@@ -274,8 +316,8 @@ pub(crate) fn interpreter(environment: &Path) -> PathBuf {
 pub(crate) fn packages_of(environment: &Path) -> Result<PathBuf> {
     const QUESTION: &str = "import sysconfig; print(sysconfig.get_path('purelib'))";
     let program = interpreter(environment);
-    let answer = process::run(Command::new(&program).args(["-I", "-c", QUESTION]), |_| {})
-        .map_err(|e| Error::io(&program, &e))?;
+    let arguments = [&PRINT_UTF8[..], &["-c", QUESTION]].concat();
+    let answer = process::run(Command::new(&program).args(arguments), |_| {}).map_err(|e| Error::io(&program, &e))?;
     Ok(PathBuf::from(answer.stdout.trim()))
 }
 
@@ -346,6 +388,27 @@ mod tests {
         }
         let runtime = format!("onnxruntime=={}\n", crate::ONNXRUNTIME_VERSION);
         assert!(REQUIREMENTS.contains(&runtime), "the tests' ONNX Runtime is the library's");
+    }
+
+    #[test]
+    fn versions_of_python_and_pip_are_read() {
+        assert_eq!(version("3.11"), Some((3, 11)));
+        assert_eq!(version("3"), None);
+        let pip = |number: &str| {
+            pip_version(&format!("pip {number} from /usr/lib/python3/dist-packages/pip (python 3.11)\n"))
+        };
+        assert_eq!(pip("23.0.1"), Some((23, 0)));
+        assert_eq!(pip("25.0"), Some((25, 0)));
+        assert!(pip("22.0.2") < Some(OLDEST_PIP) && pip("22.3") >= Some(OLDEST_PIP));
+        assert_eq!(pip_version("another program"), None);
+    }
+
+    #[test]
+    fn a_python_outside_the_supported_versions_is_refused() {
+        assert!(python_at(Path::new("no-such-program-of-ours"), OLDEST).is_err_and(|why| why.is_none()));
+        // No Python is as new as this one must be.
+        let Err(why) = first_of(&NAMES.map(PathBuf::from), (4, 0), "none") else { panic!("a Python 4") };
+        assert!(why.wanted.contains("4.0 to 3.14"), "{why}");
     }
 
     #[cfg(unix)]

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Mutex;
 
 use crate::python::{self, text};
 use crate::{Error, Progress, Result, cache, process};
@@ -20,9 +21,14 @@ pub enum Mingw {
 
 /// Path of the program `name` if it is on the PATH.
 pub fn on_path(name: &str) -> Option<PathBuf> {
-    let paths = std::env::var_os("PATH")?;
+    all_on_path(name).into_iter().next()
+}
+
+/// Paths of all programs `name` on the PATH, in its order.
+fn all_on_path(name: &str) -> Vec<PathBuf> {
+    let paths = std::env::var_os("PATH").unwrap_or_default();
     let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
-    std::env::split_paths(&paths).map(|folder| folder.join(&file)).find(|path| path.is_file())
+    std::env::split_paths(&paths).map(|folder| folder.join(&file)).filter(|path| path.is_file()).collect()
 }
 
 /// The assembler for the video encoder's fast code; `None` if neither the PATH nor apt has it. It is optional: without it
@@ -34,13 +40,27 @@ pub fn nasm(progress: &dyn Progress) -> Option<PathBuf> {
     })
 }
 
-/// A Chromium that plays video, from the PATH or by apt when root; else `None`.
+/// A Chromium that plays video, from the PATH or by apt when root; else `None`. A snap does not count: it may not use the tests' profile
+/// folder.
 pub fn chromium(progress: &dyn Progress) -> Option<PathBuf> {
-    let find = || ["chromium", "chromium-browser", "google-chrome"].into_iter().find_map(on_path);
+    let names = ["chromium", "chromium-browser", "google-chrome"];
+    let find = || names.into_iter().flat_map(all_on_path).find(|path| !is_snap(path));
     find().or_else(|| {
         apt("chromium", progress).ok()?;
         find()
     })
+}
+
+/// Whether a program is a snap, or a script that starts one, as Ubuntu's `chromium-browser` is.
+fn is_snap(program: &Path) -> bool {
+    let is_below_snap = |path: &Path| path.starts_with("/snap") || path.starts_with("/var/lib/snapd");
+    let target = std::fs::canonicalize(program).unwrap_or_else(|_| program.to_owned());
+    // `/snap/bin/chromium` links to snap itself.
+    if is_below_snap(program) || is_below_snap(&target) || target.ends_with("bin/snap") {
+        return true;
+    }
+    let is_small = std::fs::metadata(&target).is_ok_and(|file| file.len() < 1 << 16);
+    is_small && std::fs::read(&target).is_ok_and(|text| String::from_utf8_lossy(&text).contains("/snap/bin/"))
 }
 
 /// Clang's compiler `name` (`clang`, `clang++`), from the PATH or by apt when root; else `None`.
@@ -122,7 +142,7 @@ pub fn mingw_compiler(cpp: bool, progress: &dyn Progress) -> Result<MingwCompile
     if let Some(program) = found {
         return Ok(MingwCompiler { program, first: &[] });
     }
-    let programs = zigbuild(progress)?;
+    let programs = zigbuild(progress)?.programs();
     let first: &[&str] = match cpp {
         false => &["-m", "ziglang", "cc", "-target", "x86_64-windows-gnu"],
         true => &["-m", "ziglang", "c++", "-target", "x86_64-windows-gnu"],
@@ -152,20 +172,45 @@ fn apt(package: &str, progress: &dyn Progress) -> Result<()> {
     if !is_root() {
         return Err(fail("apt-get needs root".to_owned()));
     }
-    let _held = cache::lock("apt", progress)?;
     progress.start(&format!("installing {package} with apt-get"));
-    for arguments in [&["update", "-qq"][..], &["install", "-qq", "-y", "--no-install-recommends", package][..]] {
-        let mut command = Command::new("apt-get");
-        command.args(arguments).env("DEBIAN_FRONTEND", "noninteractive");
-        let outcome =
-            process::run(&mut command, |line| progress.detail(line)).map_err(|e| fail(format!("apt-get: {e}")))?;
-        if !outcome.status.success() {
-            let error = fail(format!("apt-get {} failed:\n{}\n", arguments[0], outcome.tail(3)));
-            progress.done(&format!("{package} could not be installed; going on without it"));
-            return Err(error);
-        }
+    update_apt_lists(progress)?;
+    let _held = cache::lock("apt", progress)?;
+    let mut command = apt_get();
+    command.args(["install", "-qq", "-y", "--no-install-recommends", package]);
+    let outcome =
+        process::run(&mut command, |line| progress.detail(line)).map_err(|e| fail(format!("apt-get: {e}")))?;
+    if !outcome.status.success() {
+        let error = fail(format!("apt-get install failed:\n{}\n", outcome.tail(3)));
+        progress.done(&format!("{package} could not be installed; going on without it"));
+        return Err(error);
     }
     progress.done(&format!("{package} is installed"));
+    Ok(())
+}
+
+/// A command of apt-get that asks nothing and waits for a while if another program installs packages.
+fn apt_get() -> Command {
+    let mut command = Command::new("apt-get");
+    command.args(["-o", "DPkg::Lock::Timeout=300"]).env("DEBIAN_FRONTEND", "noninteractive");
+    command
+}
+
+/// Makes apt fetch its lists, unless this process has done so. Failing is no error: apt may have lists already.
+///
+/// # Errors
+/// The lock of apt cannot be made.
+pub(crate) fn update_apt_lists(progress: &dyn Progress) -> Result<()> {
+    static IS_UPDATED: Mutex<bool> = Mutex::new(false);
+    let mut is_updated = IS_UPDATED.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    if !*is_updated {
+        // Two of them at once would fail: apt-get waits only for the lock of installing.
+        let _held = cache::lock("apt", progress)?;
+        // The option makes it fail if it cannot reach a mirror, so that the next call tries again.
+        let mut command = apt_get();
+        command.args(["update", "-qq", "-o", "APT::Update::Error-Mode=any"]);
+        *is_updated =
+            process::run(&mut command, |line| progress.detail(line)).is_ok_and(|ended| ended.status.success());
+    }
     Ok(())
 }
 
@@ -178,46 +223,39 @@ pub(crate) fn is_root() -> bool {
 pub const ZIG: &str = "0.16.0";
 
 /// Pinned: the linker wrapper and the compiler it drives.
-const ZIG_PACKAGES: [&str; 2] = ["cargo-zigbuild==0.23.4", "ziglang==0.16.0"];
+const ZIG_PACKAGES: &str = "cargo-zigbuild==0.23.4\nziglang==0.16.0\n";
 
-/// Their folder in the cache, which also has the objects that zig has compiled.
-pub const ZIG_FOLDER: &str = "zigbuild-0.23.4-zig-0.16.0";
+/// The environment of `cargo-zigbuild` and `ziglang`, in the cache. It also has the objects that zig has compiled.
+#[derive(Debug, Clone)]
+pub struct ZigEnvironment {
+    folder: PathBuf,
+}
 
-/// The folder with `cargo-zigbuild` and a `python` that has `ziglang`, in an environment of their own; fetched on first use (90 MB).
+impl ZigEnvironment {
+    /// Its folder in the cache. It may be copied into another cache.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// The folder with `cargo-zigbuild` and a `python` that has `ziglang`.
+    pub fn programs(&self) -> PathBuf {
+        self.folder.join(if cfg!(windows) { "Scripts" } else { "bin" })
+    }
+
+    /// The folder of the objects that zig has compiled; it may be removed.
+    pub fn objects(&self) -> PathBuf {
+        self.folder.join("objects")
+    }
+}
+
+/// `cargo-zigbuild` and `ziglang` in an environment of their own; fetched on first use (90 MB).
 ///
 /// # Errors
 /// No Python with pip, or an unreachable index.
-pub fn zigbuild(progress: &dyn Progress) -> Result<PathBuf> {
+pub fn zigbuild(progress: &dyn Progress) -> Result<ZigEnvironment> {
     let wanted = "a linker for other systems";
-    let folder = cache::cache_dir()?.join(ZIG_FOLDER);
-    let programs = folder.join(if cfg!(windows) { "Scripts" } else { "bin" });
-    let complete = folder.join("complete");
-    if complete.is_file() {
-        return Ok(programs);
-    }
-    let _held = cache::lock("zigbuild", progress)?;
-    if complete.is_file() {
-        return Ok(programs);
-    }
-    let python = python::find()?;
-    progress.start(&format!("fetching {wanted} ({} from PyPI)", ZIG_PACKAGES.join(", ")));
-    cache::remove(&folder)?;
-    let made = process::run(Command::new(&python.program).args(["-m", "venv", "--without-pip"]).arg(&folder), |_| {})
-        .map_err(|e| Error::io(&python.program, &e))?;
-    if !made.status.success() {
-        return Err(Error::new(
-            wanted,
-            made.tail(3),
-            "Install Python's venv module (Debian and Ubuntu: apt install python3-venv)",
-        ));
-    }
-    let interpreter = programs.join(if cfg!(windows) { "python.exe" } else { "python" });
-    let mut arguments = vec!["--python", text(&interpreter)?, "install", "--quiet", "--no-deps", "--only-binary=:all:"];
-    arguments.extend(ZIG_PACKAGES);
-    python::pip(&python, &arguments, wanted, &folder, progress)?;
-    std::fs::write(&complete, "").map_err(|e| Error::io(&complete, &e))?;
-    progress.done(&format!("{wanted}: {}", programs.display()));
-    Ok(programs)
+    python::environment("zigbuild", &python::find()?, ZIG_PACKAGES, wanted, progress)
+        .map(|folder| ZigEnvironment { folder })
 }
 
 /// The folder of the sources that zig compiles while it links: the unwinder and the C libraries.
@@ -225,8 +263,8 @@ pub fn zigbuild(progress: &dyn Progress) -> Result<PathBuf> {
 /// # Errors
 /// As [`zigbuild`], or its package has no such folder.
 pub fn zig_sources(progress: &dyn Progress) -> Result<PathBuf> {
-    let programs = zigbuild(progress)?;
-    let folder = programs.parent().unwrap_or(&programs);
+    let environment = zigbuild(progress)?;
+    let folder = environment.folder();
     let packages = match cfg!(windows) {
         true => vec![folder.join("Lib")],
         // It is below a folder named after the Python version.
@@ -254,11 +292,12 @@ const NO_DEBUG: (&str, &str) = ("CCC_OVERRIDE_OPTIONS", "#+-g0");
 /// As [`zigbuild`], or a cache whose folder cannot be on a PATH.
 pub fn by_zig(command: &mut Command, progress: &dyn Progress) -> Result<()> {
     let path = std::env::var_os("PATH").unwrap_or_default();
-    let folders = std::iter::once(zigbuild(progress)?).chain(std::env::split_paths(&path));
+    let environment = zigbuild(progress)?;
+    let folders = std::iter::once(environment.programs()).chain(std::env::split_paths(&path));
     let remedy = "Set CAIRN_CACHE_DIR to a folder with a plain name";
     let joined = std::env::join_paths(folders).map_err(|e| Error::new("PATH", e.to_string(), remedy))?;
     // Their compiled files have a cache of their own: zig reuses them whatever flags they were compiled with.
-    let compiled = cache::cache_dir()?.join(ZIG_FOLDER).join("kept");
+    let compiled = environment.objects();
     command.env("PATH", joined).env("ZIG_GLOBAL_CACHE_DIR", compiled.join("global"));
     command.env("CARGO_ZIGBUILD_CACHE_DIR", compiled.join("wrappers")).env(NO_DEBUG.0, NO_DEBUG.1);
     Ok(())
@@ -428,8 +467,7 @@ mod tests {
 
     #[test]
     fn zig_versions_agree() {
-        assert!(ZIG_PACKAGES[1].ends_with(&format!("=={ZIG}")) && ZIG_FOLDER.ends_with(&format!("-zig-{ZIG}")));
-        assert!(ZIG_FOLDER.starts_with(&ZIG_PACKAGES[0].replace("cargo-", "").replace("==", "-")));
+        assert!(ZIG_PACKAGES.lines().any(|line| line == format!("ziglang=={ZIG}")));
     }
 
     #[test]

@@ -103,8 +103,11 @@ pub(crate) fn difference(record: &str, printed: &str) -> Option<String> {
     let recorded: BTreeSet<&str> = record.lines().filter(is_layout).collect();
     let printed: BTreeSet<&str> = printed.lines().map(str::trim_end).collect();
     let earlier = |line: &str| line.starts_with("size ");
-    let lost = recorded.difference(&printed).find(|line| !earlier(line)).map(|line| format!("C has not: {line}"));
-    let added = printed.difference(&recorded).next().map(|line| format!("the record has not: {line}"));
+    let lost = recorded
+        .difference(&printed)
+        .find(|line| !earlier(line))
+        .map(|line| format!("missing in the C layout: {line}"));
+    let added = printed.difference(&recorded).next().map(|line| format!("missing in the record: {line}"));
     lost.or(added)
 }
 

@@ -10,7 +10,7 @@ use serde::Deserialize;
 use super::{Counts, MINIATURE, PAGE, PRESET, RECORD, Row, Table};
 use crate::shell::Log;
 use crate::test::{for_windows, with_recorder};
-use crate::workspace::Workspace;
+use crate::workspace::{self, Workspace};
 
 /// The variable that names the file in which the test program writes its counts.
 pub(crate) const FILE_VARIABLE: &str = "CAIRN_COUNTS";
@@ -216,6 +216,7 @@ pub(crate) fn bench(workspace: &Workspace, is_published: bool) -> Result<(), Str
     let mut test = workspace.cargo(["test", "--package", "cairn", "--test", "recorder"]);
     for_windows(&mut test)?;
     let file = folder.join("count.json");
+    workspace::remove(&file)?;
     test.args(["--", "--exact", TEST]);
     test.env("CAIRN_ONNXRUNTIME", library).env(FILE_VARIABLE, &file);
     let mut must_run = |command: &mut Command| -> Result<(), String> {

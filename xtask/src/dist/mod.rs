@@ -24,6 +24,7 @@ use crate::workspace::Workspace;
 pub(crate) use contents::{DIRECTML_TERMS, TERMS};
 use dependencies::Part;
 pub(crate) use library::{Source, exports, soname};
+pub(crate) use runtime::MINGW_NOTICES;
 use sbom::Classification;
 use tree::Tree;
 pub(crate) use unreal::{PLUGIN as UNREAL, assemble as assemble_unreal};

@@ -180,7 +180,7 @@ fn c_sources(debug: &[u8]) -> Result<BTreeSet<String>, String> {
 }
 
 /// Path of MinGW-w64's notices on Debian.
-const MINGW_NOTICES: &str = "/usr/share/doc/mingw-w64-common/copyright";
+pub(crate) const MINGW_NOTICES: &str = "/usr/share/doc/mingw-w64-common/copyright";
 
 /// MinGW-w64's start files and helpers, and GCC's unwinder. Their symbols must be there: MinGW's linker takes no other runtime.
 fn parts_from_mingw(debug: &[u8]) -> Result<Vec<Part>, String> {

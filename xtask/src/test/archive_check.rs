@@ -9,6 +9,7 @@ use super::ffx::AMD;
 use super::tally::Tally;
 use super::{Context, lab};
 use crate::shell::Log;
+use crate::workspace;
 
 /// Makes `cairn-check` load libraries that AMD has not signed.
 const UNSIGNED: &str = "CAIRN_FFX_UNSIGNED";
@@ -24,7 +25,7 @@ pub(super) fn on_linux(
     let program = root.join("bin").join("cairn-check");
     let out = fresh(work, "check-linux")?;
     let listed = log.run(Command::new(&program).arg("list").current_dir(&out))?;
-    tally.test(lists_nothing(listed.success, &listed.output));
+    tally.test(failure_of_list(listed.success, &listed.output));
     let mut command = Command::new(&program);
     context.provide_worlds(command.current_dir(&out))?;
     let ended = log.run(command.args(["--quick", "--minutes", "30", "--only", "processor"]))?;
@@ -46,7 +47,7 @@ pub(super) fn on_windows(
 ) -> Result<(), String> {
     let mut list = lab::with_empty_environment(&program(full))?;
     let listed = log.run(list.arg("list"))?;
-    tally.test(lists_nothing(listed.success, &listed.output));
+    tally.test(failure_of_list(listed.success, &listed.output));
 
     let amd = full.join("amd");
     place_double(context, &amd)?;
@@ -80,11 +81,11 @@ fn checked(log: &mut Log, root: &Path, out: &Path, only: &str) -> Result<Verdict
 /// An empty folder for reports.
 fn fresh(work: &Path, name: &str) -> Result<PathBuf, String> {
     let out = work.join(name);
-    fs::create_dir_all(&out).map_err(|e| format!("{}: {e}", out.display())).map(|()| out)
+    workspace::make_empty(&out).map(|()| out)
 }
 
 /// The failure if a list of checks lacks its groups.
-fn lists_nothing(success: bool, output: &str) -> Option<String> {
+fn failure_of_list(success: bool, output: &str) -> Option<String> {
     let has_groups = ["there: ", "processor: ", "times: "].iter().all(|group| output.contains(group));
     (!success || !has_groups).then(|| format!("cairn-check of an archive lists no checks: {output}"))
 }

@@ -11,7 +11,7 @@ use super::Context;
 use super::abi::{self, Compiler, STRICT};
 use super::tally::{Skip, Tally};
 use crate::shell::Log;
-use crate::workspace::Workspace;
+use crate::workspace::{self, Workspace};
 
 /// A fenced block of a page.
 #[derive(Debug, PartialEq, Eq)]
@@ -70,11 +70,7 @@ pub(super) fn parse(page: &str) -> Vec<Block> {
 /// Checks every block of every page, compiles those in C and C++, and builds and runs the programs among them as their page says.
 pub(super) fn check(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let work = context.workspace.target.join("xtask").join("blocks");
-    match fs::remove_dir_all(&work) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
-        _ => {}
-    }
-    fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    workspace::make_empty(&work)?;
     let compilers = abi::available_compilers(tally);
     for page in pages(context.workspace)? {
         let text = context.workspace.read(&page)?;
@@ -147,7 +143,7 @@ fn compiled(
         command.args(compiler.first).args(if cpp { ["-std=c++17", "-Wshadow"] } else { ["-std=c11", "-Wshadow"] });
         command.args(STRICT).arg("-I").arg(context.workspace.root.join("include")).arg("-fsyntax-only").arg(&path);
         if !log.run(&mut command)?.success {
-            return Ok(Some(format!("{} does not take it", compiler.program.display())));
+            return Ok(Some(format!("does not compile with {}", compiler.program.display())));
         }
     }
     Ok(None)
@@ -200,11 +196,13 @@ fn build_and_run(
         return Ok(());
     }
     let library = abi::library(context, log)?;
-    let root = context.workspace.root.display().to_string();
-    let folder = library.parent().unwrap_or(Path::new(".")).display().to_string();
+    let library_folder = library.parent().unwrap_or(Path::new("."));
+    // By variables of the shell, since the paths may have spaces.
     let here = |line: &str| {
-        let line = line.replace("$PWD/target/release", &folder).replace("target/release", &folder);
-        line.replace("-Iinclude", &format!("-I{root}/include")).replace(" samples/", &format!(" {root}/samples/"))
+        line.replace("$PWD/target/release", "$LIBRARY_FOLDER")
+            .replace("target/release", "\"$LIBRARY_FOLDER\"")
+            .replace("-Iinclude", "-I\"$REPOSITORY\"/include")
+            .replace(" samples/", " \"$REPOSITORY\"/samples/")
     };
     let work = work.join(page.replace(['/', '.'], "-"));
     let name = build.split(' ').find(|word| [".c", ".cpp"].iter().any(|ending| word.ends_with(ending)));
@@ -215,6 +213,7 @@ fn build_and_run(
         .map_err(|e| format!("{}: {e}", file.display()))?;
     for line in [build, run] {
         let mut command = Command::new("sh");
+        command.env("LIBRARY_FOLDER", library_folder).env("REPOSITORY", &context.workspace.root);
         context.provide_worlds(command.args(["-c", &here(line)]).current_dir(&work))?;
         if !log.run(&mut command)?.success {
             tally.failures.push(format!("{page}: \"{line}\" fails"));

@@ -1,9 +1,10 @@
 //! The video and the report of a comparison in a browser: headless Chromium, against a local server on the loopback
 //! address.
 
+use std::fs::{self, File};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{self, Sender};
 use std::time::Duration;
@@ -17,6 +18,9 @@ use crate::shell::Log;
 
 /// Time limit for the browser to start and play half a second.
 const TIMEOUT: Duration = Duration::from_secs(120);
+
+/// Number of the browser's last error lines that a failure shows.
+const ERROR_LINES: usize = 10;
 
 /// Plays the video and sends the result to the server.
 const PAGE: &str = r#"<!doctype html><meta charset="utf-8"><video muted src="/video.mp4"></video><script>
@@ -69,7 +73,8 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
     let Some(chromium) = tools::chromium(&Console::new()) else {
         let skip = Skip {
             name: "the video plays in a browser".to_owned(),
-            reason: "there is no Chromium on the PATH, and apt-get cannot install it here".to_owned(),
+            reason: "there is no Chromium on the PATH (a snap does not count), and apt-get cannot install it here"
+                .to_owned(),
         };
         return Ok(Tally { skips: vec![skip], ..Tally::default() });
     };
@@ -79,7 +84,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         ("video", PAGE, "/video.mp4", study::rollout_video(context, log)?, "video/mp4", EXPECTED),
         ("report", REPORT_PAGE, "/report.html", study::comparison_report(context, log)?, "text/html", "all is well"),
     ] {
-        let bytes = std::fs::read(&file).map_err(|e| format!("{}: {e}", file.display()))?;
+        let bytes = fs::read(&file).map_err(|e| format!("{}: {e}", file.display()))?;
         let result = open(&chromium, Served { page, path, kind, bytes }, &profile)?;
         log.line(&format!("of the {what} the browser says: {result}"))?;
         tally
@@ -109,8 +114,15 @@ fn open(chromium: &Path, served: Served, profile: &Path) -> Result<String, Strin
             std::thread::spawn(move || _ = answer(stream, &served, &sender));
         }
     });
-    let _browser = Browser::start(chromium, &format!("http://{address}/"), profile)?;
-    receiver.recv_timeout(TIMEOUT).map_err(|_| format!("the browser told nothing for {} s", TIMEOUT.as_secs()))
+    let errors = profile.with_extension("stderr");
+    let _browser = Browser::start(chromium, &format!("http://{address}/"), profile, &errors)?;
+    receiver.recv_timeout(TIMEOUT).map_err(|_| {
+        let printed = fs::read(&errors).unwrap_or_default();
+        let printed = String::from_utf8_lossy(&printed);
+        let lines: Vec<&str> = printed.lines().collect();
+        let last = lines[lines.len().saturating_sub(ERROR_LINES)..].join("\n");
+        format!("the browser sent no result for {} s; its last errors:\n{last}", TIMEOUT.as_secs())
+    })
 }
 
 /// Answers one request: returns the page or its file, or receives the page's message.
@@ -151,9 +163,10 @@ fn answer(mut stream: TcpStream, served: &Served, sender: &Sender<String>) -> st
 struct Browser(Child);
 
 impl Browser {
-    fn start(chromium: &Path, page: &str, profile: &Path) -> Result<Self, String> {
-        let profile: PathBuf = profile.to_owned();
-        std::fs::create_dir_all(&profile).map_err(|e| format!("{}: {e}", profile.display()))?;
+    /// Starts it; its stderr goes to the file `errors`.
+    fn start(chromium: &Path, page: &str, profile: &Path, errors: &Path) -> Result<Self, String> {
+        fs::create_dir_all(profile).map_err(|e| format!("{}: {e}", profile.display()))?;
+        let stderr = File::create(errors).map_err(|e| format!("{}: {e}", errors.display()))?;
         Command::new(chromium)
             .args(["--headless", "--disable-gpu", "--no-first-run", "--mute-audio"])
             // A test machine runs as root, where the sandbox cannot run; only our own page is opened.
@@ -165,7 +178,7 @@ impl Browser {
             .args(["--remote-debugging-port=0", page])
             .stdin(Stdio::null())
             .stdout(Stdio::null())
-            .stderr(Stdio::null())
+            .stderr(stderr)
             .spawn()
             .map(Self)
             .map_err(|e| format!("{}: {e}", chromium.display()))

@@ -14,6 +14,7 @@ use super::host::screen;
 use super::tally::Tally;
 use super::{Context, lab, windows_build};
 use crate::shell::Log;
+use crate::workspace;
 
 /// Its test program.
 const TESTS: &str = "check";
@@ -56,17 +57,18 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 /// The checks of AMD's frame generation, with the test double of its library.
 fn by_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let work = context.workspace.target.join("xtask").join("cairn-check-amd");
-    let failed = |e: std::io::Error| format!("{}: {e}", work.display());
-    fs::create_dir_all(&work).map_err(failed)?;
+    // A report of an earlier run must not be judged.
+    workspace::make_empty(&work)?;
     place_double(context, &work)?;
     let mut command = lab::lab_run()?;
     command.arg(context.windows_programs().join("cairn-check.exe")).args(["--quick", "--minutes", "60", "--only"]);
     command.arg([&FSR[..], &FSR_TIMES].concat().join(",")).arg("--out").arg(&work);
     context.provide_windows_tools(&mut command)?;
     Amd::Double(work.clone()).provide(&mut command);
-    log.run(&mut command)?;
+    let ended = log.run(&mut command)?;
     let verdicts = Verdicts::read(&work)?;
     verdicts.require(&FSR, &FSR_TIMES, tally);
+    verdicts.require_status(ended.success, tally);
     Ok(())
 }
 
@@ -90,6 +92,16 @@ impl Verdicts {
     pub(super) fn of(&self, name: &str) -> &str {
         let mut checks = self.0["checks"].as_array().into_iter().flatten();
         checks.find(|check| check["name"] == name).and_then(|check| check["verdict"].as_str()).unwrap_or("no line")
+    }
+
+    /// Requires the program to have succeeded if and only if every check passed. Counted only if it fails.
+    fn require_status(&self, success: bool, tally: &mut Tally) {
+        let mut checks = self.0["checks"].as_array().into_iter().flatten();
+        let expected = checks.all(|check| check["verdict"] == "pass");
+        if success != expected {
+            let [is, should] = [success, expected].map(|success| if success { "succeeded" } else { "failed" });
+            tally.failures.push(format!("by its exit status cairn-check {is}, by its report it {should}"));
+        }
     }
 
     /// Requires the checks in `right` to pass, and those in `unknown` to say that they cannot tell; on Windows itself the latter may pass.
@@ -129,11 +141,7 @@ fn report(
     tally: &mut Tally,
 ) -> Result<(), String> {
     let work = context.workspace.target.join("xtask").join("cairn-check");
-    let failed = |e: std::io::Error| format!("{}: {e}", work.display());
-    match fs::remove_dir_all(&work) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(failed(e)),
-        _ => fs::create_dir_all(&work).map_err(failed)?,
-    }
+    workspace::make_empty(&work)?;
     let [right, unknown] = [right, unknown].map(|names| names.concat());
     let mut command = lab::lab_run()?;
     command.arg(context.windows_programs().join("cairn-check.exe")).args(["--quick", "--minutes", "60", "--only"]);
@@ -147,8 +155,10 @@ fn report(
         is_over.store(true, Ordering::Relaxed);
         (ended, watch.join())
     });
-    ended?;
-    Verdicts::read(&work)?.require(&right, &unknown, tally);
+    let ended = ended?;
+    let verdicts = Verdicts::read(&work)?;
+    verdicts.require(&right, &unknown, tally);
+    verdicts.require_status(ended.success, tally);
     if !cfg!(windows) {
         let seen = seen.map_err(|_| "the display cannot be watched")?;
         tally.test((!seen).then(|| "the window of cairn-check shows no moving picture on the display".to_owned()));

@@ -15,7 +15,7 @@ use super::unity;
 use crate::abi::declarations::{self, Declarations};
 use crate::abi::{csharp, header, record};
 use crate::shell::Log;
-use crate::workspace::Workspace;
+use crate::workspace::{self, Workspace};
 
 const PROJECT: &str = "bindings/csharp/Cairn.csproj";
 const STAND_IN: &str = "tests/host/stand_in.c";
@@ -175,11 +175,7 @@ impl BindingTests<'_> {
 
     /// The libraries that differ from Cairn, in a new folder.
     fn make_stand_ins(&self, log: &mut Log) -> Result<(), String> {
-        match fs::remove_dir_all(&self.work) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", self.work.display())),
-            _ => {}
-        }
-        fs::create_dir_all(&self.work).map_err(|e| format!("{}: {e}", self.work.display()))?;
+        workspace::make_empty(&self.work)?;
         make_stand_ins(log, &self.context.workspace.root, &|| Command::new("cc"), "so", &self.work)
     }
 

@@ -16,6 +16,7 @@ use super::tally::{Skip, Tally};
 use crate::book;
 use crate::dist::{self, PackedFile, Parts, Platform, Source};
 use crate::shell::{Log, output};
+use crate::workspace;
 
 /// The platforms that archives are made for.
 const BOTH: [Platform; 2] = [Platform::Windows, Platform::Linux];
@@ -48,6 +49,10 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         tally.skips.push(skip("archives", "needs cmake and cc: apt install cmake gcc"));
         return Ok(tally);
     };
+    if let Some(skip) = lab::skip_without_mingw("archives")? {
+        tally.skips.push(skip);
+        return Ok(tally);
+    }
     context.build_programs(log)?;
     context.build_for_windows(log)?;
     let work = fresh(context, "dist")?;
@@ -148,27 +153,23 @@ fn other_cache(work: &Path) -> Result<PathBuf, String> {
     let own = folder.join("cairn");
     fs::create_dir_all(&own).map_err(|e| format!("{}: {e}", own.display()))?;
     let cache = provision::cache_dir().map_err(|e| e.to_string())?;
+    let zig = tools::zigbuild(&Console::new()).map_err(|e| e.to_string())?;
     for entry in fs::read_dir(&cache).map_err(|e| format!("{}: {e}", cache.display()))? {
         let from = entry.map_err(|e| format!("{}: {e}", cache.display()))?.path();
         let into = own.join(from.file_name().unwrap_or_default());
-        let [program, how] = if from.ends_with(tools::ZIG_FOLDER) { ["cp", "-a"] } else { ["ln", "-s"] };
+        let [program, how] = if from == zig.folder() { ["cp", "-a"] } else { ["ln", "-s"] };
         output(Command::new(program).arg(how).arg(&from).arg(&into))?;
     }
-    let kept = own.join(tools::ZIG_FOLDER).join("kept");
-    match fs::remove_dir_all(&kept) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(format!("{}: {e}", kept.display())),
-        _ => Ok(folder),
-    }
+    let objects = zig.objects();
+    let relative = objects.strip_prefix(&cache).map_err(|e| format!("{}: {e}", objects.display()))?;
+    workspace::remove(&own.join(relative))?;
+    Ok(folder)
 }
 
 /// An empty folder for output.
 pub(super) fn fresh(context: &Context<'_>, name: &str) -> Result<PathBuf, String> {
     let work = context.workspace.target.join("xtask").join("test").join(name);
-    match fs::remove_dir_all(&work) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
-        _ => {}
-    }
-    fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    workspace::make_empty(&work)?;
     Ok(work)
 }
 

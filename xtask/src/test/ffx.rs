@@ -9,6 +9,7 @@ use super::amd::Amd;
 use super::tally::Tally;
 use super::{lab, recorder, windows_build};
 use crate::shell::Log;
+use crate::workspace;
 
 /// The test programs.
 const PROGRAMS: [&str; 10] = [
@@ -67,11 +68,7 @@ const ROLE: &str = "sdk 2.0\noffers 0xf600000000c01005 3.1.5\n";
 fn with_double(context: &Context<'_>, log: &mut Log, tally: &mut Tally) -> Result<(), String> {
     let folder = context.workspace.target.join("xtask").join("ffx-double");
     let failed = |e: std::io::Error| format!("{}: {e}", folder.display());
-    match fs::remove_dir_all(&folder) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(failed(e)),
-        _ => {}
-    }
-    fs::create_dir_all(&folder).map_err(failed)?;
+    workspace::make_empty(&folder)?;
     fs::copy(context.windows_programs().join(DOUBLE), folder.join(AMD)).map_err(failed)?;
     fs::write(folder.join(format!("{AMD}.txt")), ROLE).map_err(failed)?;
     let mut command = context.windows_tests(["d3d12_presenter", "host"], log)?;

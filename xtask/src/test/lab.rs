@@ -15,6 +15,7 @@ use super::abi;
 use super::amd::Amd;
 use super::tally::{Skip, Tally};
 use super::{recorder, windows_build};
+use crate::dist::MINGW_NOTICES;
 use crate::shell::Log;
 
 /// Time limit for a program to start and, after its end was requested, to exit.
@@ -177,6 +178,20 @@ pub(crate) fn for_windows(command: &mut Command) -> Result<(), String> {
     }
     command.args(["--target", tools::WINDOWS_TARGET]);
     run_in_lab(command, tools::WINDOWS_TARGET)
+}
+
+/// A skip with its reason if this machine cannot link or pack everything for Windows: zig links only the shipped DLLs, and archives and
+/// wheels contain MinGW-w64's notices, which are read where Debian's package has them.
+pub(super) fn skip_without_mingw(what: &str) -> Result<Option<Skip>, String> {
+    let has_gcc = tools::mingw(&Console::new()).map_err(|e| e.to_string())? == tools::Mingw::Gcc;
+    let reason = match (has_gcc, Path::new(MINGW_NOTICES).is_file()) {
+        (true, true) => return Ok(None),
+        (false, _) => "needs mingw: apt install gcc-mingw-w64-x86-64".to_owned(),
+        (true, false) => {
+            format!("needs mingw of Debian or Ubuntu: there is no {MINGW_NOTICES}: apt install mingw-w64-common")
+        }
+    };
+    Ok(Some(Skip { name: what.to_owned(), reason }))
 }
 
 /// Makes a cargo command run this target's programs in the lab.

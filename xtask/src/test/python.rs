@@ -10,6 +10,7 @@ use super::abi;
 use super::junit;
 use super::tally::Tally;
 use crate::shell::Log;
+use crate::workspace;
 
 /// Their folders; each has its own settings, so each is a separate run.
 const FOLDERS: [&str; 3] = [PACKAGE, PARITY, TRAINING];
@@ -50,10 +51,7 @@ fn installed(
     included_library: Option<&Path>,
 ) -> Result<Option<String>, String> {
     let site = context.workspace.target.join("xtask").join("package");
-    match fs::remove_dir_all(&site) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", site.display())),
-        _ => {}
-    }
+    workspace::remove(&site)?;
     provision::install_package(included_library, &site).map_err(|e| e.to_string())?;
     let inside = site.join("cairn").join(library.file_name().unwrap_or_default());
     if included_library.is_none() {

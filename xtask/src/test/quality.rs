@@ -8,23 +8,22 @@ use std::process::Command;
 use super::Context;
 use super::tally::{Skip, Tally};
 use crate::shell::Log;
+use crate::workspace;
 
 /// Rows that need no third-party program; each is scored on two frames.
 const ROWS: [&str; 7] = ["repeat", "blend", "none", "paper", "cairn-flow", "cairn-engine", "cairn-truth"];
 /// Rows that a third-party program makes, and the clip that one plays.
 const DRIVERS: [&str; 4] = ["minterpolate", "flowfps", "rife", "rife4"];
 const GAME: &str = "vizdoom";
-/// What the program says of a package when there is no network.
+/// What the program says of a package when there is no network, and of one that needs a newer Python than this machine has.
 const UNREACHABLE: &str = "cannot reach the package index";
+const NO_PYTHON: &str = "only other versions were found";
 const FRAMES: usize = 2;
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     context.build_programs(log)?;
     let folder = context.workspace.target.join("xtask").join("quality");
-    match fs::remove_dir_all(&folder) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),
-        _ => {}
-    }
+    workspace::remove(&folder)?;
     let mut tally = smoke(context, log, &folder)?;
     tally.add(floors(context, log, &folder.join("floors"))?);
     tally.add(drivers(context, log, &folder.join("drivers"))?);
@@ -70,7 +69,7 @@ fn drivers(context: &Context<'_>, log: &mut Log, folder: &Path) -> Result<Tally,
     let mut tally = Tally::default();
     for row in DRIVERS {
         match unavailable(row).or_else(|| game.clone()) {
-            Some(why) if why.contains(UNREACHABLE) => {
+            Some(why) if why.contains(UNREACHABLE) || why.contains(NO_PYTHON) => {
                 tally.skips.push(Skip { name: format!("{row} on {GAME}"), reason: why });
             }
             Some(why) => tally.test(Some(format!("{row} on {GAME} cannot be provided: {why}"))),

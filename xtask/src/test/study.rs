@@ -8,6 +8,7 @@ use std::process::Command;
 use super::tally::Tally;
 use super::{Context, quality};
 use crate::shell::Log;
+use crate::workspace;
 
 /// Files that a rollout writes.
 const OUTPUTS: [&str; 2] = ["manifest.json", "contact-sheet.png"];
@@ -41,6 +42,8 @@ pub(super) fn rollout_video(context: &Context<'_>, log: &mut Log) -> Result<Path
 pub(super) fn comparison_report(context: &Context<'_>, log: &mut Log) -> Result<PathBuf, String> {
     context.build_programs(log)?;
     let folder = context.workspace.target.join("xtask").join("compare");
+    let report = folder.join("report.html");
+    workspace::remove(&report)?;
     let mut compare = study(context)?;
     compare.args([
         "compare",
@@ -57,7 +60,7 @@ pub(super) fn comparison_report(context: &Context<'_>, log: &mut Log) -> Result<
     if !log.run(compare.arg(&folder))?.success {
         return Err("the comparison failed".to_owned());
     }
-    Ok(folder.join("report.html"))
+    Ok(report)
 }
 
 fn find_video(folder: &Path) -> Option<PathBuf> {
@@ -75,10 +78,7 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
 fn rollouts(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     context.build_programs(log)?;
     let folder = context.workspace.target.join("xtask").join("study");
-    match fs::remove_dir_all(&folder) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),
-        _ => {}
-    }
+    workspace::remove(&folder)?;
     let first = folder.join("rollout");
     let mut tally = Tally::default();
 

@@ -14,6 +14,7 @@ use super::study::missing;
 use super::tally::Tally;
 use super::{Context, lab, windows_build};
 use crate::shell::{CommandOutput, Log};
+use crate::workspace;
 
 /// The test programs whose results may depend on the system: processes, streams, files and their locks, videos.
 const PROGRAMS: [&str; 5] = ["compare", "media", "program", "score", "sweep"];
@@ -65,10 +66,7 @@ pub(super) fn run_comparison(context: &Context<'_>, log: &mut Log) -> Result<Tal
     }
     context.build_for_windows(log)?;
     let folder = context.workspace.target.join("xtask").join("study-windows");
-    match fs::remove_dir_all(&folder) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),
-        _ => {}
-    }
+    workspace::remove(&folder)?;
     let comparison = Comparison::new(context, &folder)?;
     comparison.by_shaders(log, &mut tally)?;
     comparison.by_amd(log, &mut tally)?;
@@ -81,10 +79,7 @@ pub(super) fn run_comparison(context: &Context<'_>, log: &mut Log) -> Result<Tal
 /// The comparison by shaders in a folder of this name, which is made anew: for runs that look at its calls instead of its results.
 pub(super) fn comparison_by_shaders(context: &Context<'_>, folder: &str) -> Result<Command, String> {
     let folder = context.workspace.target.join("xtask").join(folder);
-    match fs::remove_dir_all(&folder) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", folder.display())),
-        _ => {}
-    }
+    workspace::remove(&folder)?;
     Comparison::new(context, &folder)?.command("shader", &Amd::None)
 }
 

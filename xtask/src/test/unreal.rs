@@ -20,6 +20,7 @@ use crate::abi::declarations;
 use crate::abi::header;
 use crate::dist;
 use crate::shell::{Log, output};
+use crate::workspace;
 
 const DESCRIPTION: &str = "bindings/unreal/Cairn/Cairn.uplugin";
 const RUNTIME: &str = "bindings/unreal/Cairn/Source/CairnRuntime";
@@ -60,10 +61,7 @@ const AMD_LIBRARIES: [&str; 4] = [
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let mut tally = Tally::default();
     let work = context.workspace.target.join("xtask").join("test").join("unreal");
-    match fs::remove_dir_all(&work) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
-        _ => {}
-    }
+    workspace::remove(&work)?;
     let tests = PluginTests { context, work };
     tests.check_descriptor(&mut tally)?;
     tests.check_headers(&mut tally)?;

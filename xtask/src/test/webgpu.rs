@@ -185,7 +185,9 @@ fn worlds(
 /// Compares rollouts with a recomputation of the whole history; the short form compares short ones.
 fn parity(context: &Context<'_>, log: &mut Log, is_short: bool) -> Result<Tally, String> {
     let build = ["build", "--workspace", "--bin", "parity-trace"];
-    log.run(&mut context.workspace.cargo(build))?;
+    if !log.run(&mut context.workspace.cargo(build))?.success {
+        return Err("parity-trace does not build".to_owned());
+    }
     let mut command = Command::new(context.python()?);
     command.env("PYTHONPATH", provision::python_path()).env("PARITY_DEVICE", "webgpu");
     command.env("PARITY_TRACE", context.workspace.target.join("debug").join("parity-trace"));

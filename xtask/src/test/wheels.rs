@@ -40,6 +40,10 @@ pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String>
         tally.skips.push(Skip { name: "wheels".to_owned(), reason });
         return Ok(tally);
     }
+    if let Some(skip) = lab::skip_without_mingw("wheels")? {
+        tally.skips.push(skip);
+        return Ok(tally);
+    }
     context.build_programs(log)?;
     context.build_for_windows(log)?;
     let work = fresh(context, "wheels")?;

@@ -30,7 +30,7 @@ pub(super) fn build(folder: &Path, progress: &dyn Progress) -> Result<()> {
         command.arg(bootstrap).args(["--variant=minbase", "--include=ca-certificates"]);
         command.arg(format!("--cache-dir={}", archives.display())).arg(RELEASE).arg(&root).arg(mirror);
         steps.run(&mut command)?;
-        fs::write(root.join("etc/apt/apt.conf.d/90machine"), apt_settings()?).map_err(|e| Error::io(&root, &e))
+        fs::write(root.join("etc/apt/apt.conf.d/90machine"), apt_settings()).map_err(|e| Error::io(&root, &e))
     })?;
     // Compilers are installed into a copy that is thrown away, so that the lab itself stays small.
     steps.once("2-workshop", "copying it for the compilers", || {
@@ -120,6 +120,7 @@ pub(super) fn mirror(progress: &dyn Progress) -> Result<String> {
     if let Some(own) = std::env::var_os(MIRROR_VARIABLE).filter(|value| !value.is_empty()) {
         return Ok(own.to_string_lossy().into_owned());
     }
+    // `None` also where there is no apt.
     let mirror_of_apt = || {
         let mut command = Command::new("apt-get");
         command.args([
@@ -128,17 +129,16 @@ pub(super) fn mirror(progress: &dyn Progress) -> Result<String> {
             "$(ORIGIN) $(LABEL) $(COMPONENT) $(REPO_URI)",
             "Created-By: Packages",
         ]);
-        let outcome = process::run(&mut command, |_| {}).map_err(|e| Error::io(Path::new("apt-get"), &e))?;
-        Ok(debian_mirror(&outcome.stdout))
+        process::run(&mut command, |_| {}).ok().and_then(|outcome| debian_mirror(&outcome.stdout))
     };
-    if let Some(found) = mirror_of_apt()? {
+    if let Some(found) = mirror_of_apt() {
         return Ok(found);
     }
     // apt knows the origins only after it has fetched the lists.
-    _ = process::run(Command::new("apt-get").args(["update", "-qq"]), |line| progress.detail(line));
-    mirror_of_apt()?.ok_or_else(|| {
+    tools::update_apt_lists(progress)?;
+    mirror_of_apt().ok_or_else(|| {
         let remedy = format!("Set {MIRROR_VARIABLE} to the address of a Debian mirror");
-        Error::new(WANTED, "the machine's apt knows no Debian mirror", remedy)
+        Error::new(WANTED, "the machine has no apt that knows a Debian mirror", remedy)
     })
 }
 
@@ -147,13 +147,13 @@ fn debian_mirror(targets: &str) -> Option<String> {
     targets.lines().find_map(|line| line.strip_prefix("Debian Debian main ").map(|uri| uri.trim().to_owned()))
 }
 
-/// The machine's apt settings that a Debian inside it needs to reach the same mirror.
-fn apt_settings() -> Result<String> {
+/// The machine's apt settings that a Debian inside it needs to reach the same mirror; empty where there is no apt.
+fn apt_settings() -> String {
     let mut command = Command::new("apt-config");
     command.args(["dump", "--format", "%F \"%v\";%n", "Acquire"]);
-    let outcome = process::run(&mut command, |_| {}).map_err(|e| Error::io(Path::new("apt-config"), &e))?;
+    let Ok(outcome) = process::run(&mut command, |_| {}) else { return String::new() };
     let wanted = |line: &&str| ["Proxy", "Check-Valid-Until", "Retries"].iter().any(|word| line.contains(word));
-    Ok(outcome.stdout.lines().filter(wanted).map(|line| format!("{line}\n")).collect())
+    outcome.stdout.lines().filter(wanted).map(|line| format!("{line}\n")).collect()
 }
 
 #[cfg(test)]

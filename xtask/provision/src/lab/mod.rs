@@ -9,10 +9,11 @@ mod build;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::OnceLock;
 
 use sha2::{Digest, Sha256};
 
-use crate::{Error, Progress, Result, cache, process, tools};
+use crate::{Error, Progress, Result, Silent, cache, process, tools};
 
 /// The Debian release whose Wine runs Rust programs and is new enough for Direct3D 12.
 const RELEASE: &str = "trixie";
@@ -160,11 +161,18 @@ fn isolated_command() -> Command {
     command
 }
 
-/// Whether this machine can have the lab.
+/// Whether this machine can have the lab. Examined once per process.
 ///
 /// # Errors
-/// Why it cannot: it is not Linux on x86-64, we are not root, there is no apt with a Debian mirror, or mounting is forbidden.
+/// Why it cannot: it is not Linux on x86-64, we are not root, mounting is forbidden, or the lab is not built and there is no Debian mirror or
+/// no debootstrap.
 pub fn possible() -> Result<()> {
+    static ANSWER: OnceLock<Result<()>> = OnceLock::new();
+    ANSWER.get_or_init(find_obstacle).clone()
+}
+
+/// Looks for a reason why this machine cannot have the lab, and returns it as an error.
+fn find_obstacle() -> Result<()> {
     let refuse = |cause: String, remedy: &str| Err(Error::new(WANTED, cause, remedy));
     let (os, architecture) = (std::env::consts::OS, std::env::consts::ARCH);
     if (os, architecture) != ("linux", "x86_64") {
@@ -189,28 +197,51 @@ pub fn possible() -> Result<()> {
         let cause = format!("this machine lets nobody mount: {}", tried.tail(1));
         return refuse(cause, "Run the command where root may mount (a container needs the capability SYS_ADMIN)");
     }
-    Ok(())
+    if folder().is_ok_and(|folder| is_complete(&folder)) {
+        return Ok(());
+    }
+    if ["debootstrap", "apt-get"].into_iter().all(|program| tools::on_path(program).is_none()) {
+        return refuse("there is no debootstrap on the PATH".to_owned(), "Install debootstrap");
+    }
+    build::mirror(&Silent).map(drop)
 }
 
-/// The lab; built on first use, which takes some three minutes and 2.5 GB of disk, 4 GB while it is built. A build that was
+/// The lab's folder in the cache.
+fn folder() -> Result<PathBuf> {
+    Ok(cache::cache_dir()?.join(item()))
+}
+
+/// The lab's name in the cache.
+fn item() -> String {
+    format!("lab-{}", key(&[RELEASE, PACKAGES, WINE, PREFIX]))
+}
+
+/// The file that a complete lab has.
+fn completion(folder: &Path) -> PathBuf {
+    folder.join("complete")
+}
+
+fn is_complete(folder: &Path) -> bool {
+    completion(folder).is_file()
+}
+
+/// The lab; built on first use, which takes some five minutes and 2.5 GB of disk, 4 GB while it is built. A build that was
 /// interrupted goes on where it was.
 ///
 /// # Errors
 /// As [`possible`], an unreachable mirror, or a step that failed, with its last words.
 pub fn lab(progress: &dyn Progress) -> Result<Lab> {
-    let item = format!("lab-{}", key(&[RELEASE, PACKAGES, WINE, PREFIX]));
-    let folder = cache::cache_dir()?.join(&item);
-    let lab = Lab { folder };
-    let complete = lab.folder.join("complete");
-    if complete.is_file() {
+    let lab = Lab { folder: folder()? };
+    if is_complete(&lab.folder) {
         return Ok(lab);
     }
     possible()?;
-    let _held = cache::lock(&item, progress)?;
-    if complete.is_file() {
+    let _held = cache::lock(&item(), progress)?;
+    if is_complete(&lab.folder) {
         return Ok(lab);
     }
     build::build(&lab.folder, progress)?;
+    let complete = completion(&lab.folder);
     fs::write(&complete, "").map_err(|e| Error::io(&complete, &e))?;
     Ok(lab)
 }

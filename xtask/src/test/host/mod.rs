@@ -6,7 +6,6 @@ mod sample;
 pub(super) mod screen;
 mod windows;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -16,16 +15,13 @@ use super::Context;
 use super::abi::{self, Compiler, STRICT};
 use super::tally::{Skip, Tally};
 use crate::shell::Log;
+use crate::workspace;
 
 pub(super) use windows::{by_cmake as windows_sample, run as run_windows};
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     let work = context.workspace.target.join("xtask").join("host");
-    match fs::remove_dir_all(&work) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
-        _ => {}
-    }
-    fs::create_dir_all(&work).map_err(|e| format!("{}: {e}", work.display()))?;
+    workspace::make_empty(&work)?;
     let library = abi::library(context, log)?;
     let mut tally = Tally::default();
     let Some(cc) = tools::on_path("cc") else {

@@ -47,12 +47,14 @@ fn build_as_written(context: &Context<'_>, log: &mut Log, setup: &HostSetup) -> 
         return Err("the sample's source shows another line with cc than its page".to_owned());
     }
     let program = setup.work.join("host-c");
-    let folder = setup.library_folder().display().to_string();
+    // By variables of the shell, since the paths may have spaces.
     let line = line
-        .replace("$PWD/target/release", &folder)
-        .replace("target/release", &folder)
-        .replace("-o host-c", &format!("-o {}", program.display()));
-    let ended = log.run(Command::new("sh").args(["-c", &line]).current_dir(&context.workspace.root))?;
+        .replace("$PWD/target/release", "$LIBRARY_FOLDER")
+        .replace("target/release", "\"$LIBRARY_FOLDER\"")
+        .replace("-o host-c", "-o \"$PROGRAM\"");
+    let mut command = Command::new("sh");
+    command.args(["-c", &line]).current_dir(&context.workspace.root);
+    let ended = log.run(command.env("LIBRARY_FOLDER", setup.library_folder()).env("PROGRAM", &program))?;
     if ended.success { Ok(program) } else { Err("the sample does not build as its page says".to_owned()) }
 }
 

@@ -17,6 +17,7 @@ use crate::test::abi::STRICT;
 use crate::test::amd::Amd;
 use crate::test::tally::{Skip, Tally};
 use crate::test::{Context, lab, recorder};
+use crate::workspace;
 
 const SAMPLE: &str = "samples/host-d3d12";
 /// Its name in the list of broken rules.
@@ -64,11 +65,7 @@ pub(in crate::test) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally
 
 /// The sample, built in an empty folder.
 fn build_in_empty_folder(context: &Context<'_>, log: &mut Log, cmake: &Path, work: &Path) -> Result<PathBuf, String> {
-    match fs::remove_dir_all(work) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", work.display())),
-        _ => {}
-    }
-    fs::create_dir_all(work).map_err(|e| format!("{}: {e}", work.display()))?;
+    workspace::make_empty(work)?;
     let program = build(context, log, cmake, work)?;
     lab::install_runtime(&program.with_file_name(""))?;
     Ok(program)
