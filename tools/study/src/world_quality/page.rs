@@ -22,8 +22,9 @@ walk, and with two baselines: repeating the last true picture, and the autoencod
 **Where it loses:** the first table says which goals it misses, and by how much. The list below the second names each row and time at
 which a still picture is nearer to the truth than the world. Pictures are softer than the true ones from the start, also because the network decodes 256 x 128
 pixels of the 320 x 180 that are shown. Within seconds brightness and colour drift where the walk comes to what it has not shown; then the place is mostly of the right
-kind, but seldom the right spot, and after a look away it is another one. No more than 26 minutes of a GPU could be used. The second half of them brought LPIPS at half a
-second from .33 to .28 and detail in the first second from .60 to .68; brightness after fifteen seconds became worse, 23 % off where it was 13 %.
+kind, but seldom the right spot, and after a look away it is another one. No more than 26 minutes of a GPU could be used.
+On three walks of each level, the second half of them brought LPIPS at half a second from .33 to .28 and detail in the first second from .60 to .68; brightness after
+fifteen seconds became worse, 23 % off where it was 13 %.
 
 ## Its best walks
 
