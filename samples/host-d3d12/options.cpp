@@ -40,7 +40,7 @@ const char options_help[] =
     "\n"
     "without a window\n"
     "  --headless N         make N frames as fast as possible and reproducibly: time is computed, not measured, and the player\n"
-    "                       does what the script says, or walks ahead\n"
+    "                       follows the script, or walks ahead\n"
     "  --record DIR         write them there: frame-00000.ppm and so on (of scrgb .pfm), the anchors they were made of as\n"
     "                       anchor-00000.ppm, and frames.csv, which says what each frame is. With a window the anchors only. What the player of\n"
     "                       a world did is in controls.txt, for --script\n"

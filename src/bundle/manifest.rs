@@ -387,12 +387,12 @@ impl std::fmt::Display for GraphKind {
     }
 }
 
-/// What a layer of the transformer attends to.
+/// Which earlier latents a layer of the transformer attends to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LayerKind {
-    /// The last latents.
+    /// The most recent ones, those of the local window.
     Local,
-    /// Latents of the global window.
+    /// Those of the global window.
     Global,
 }
 

@@ -71,11 +71,11 @@ namespace Cairn.Unity
         private Presenter presenter;
         private Plugin.View view;
         private Device device;
-        // Each stays until what has failed succeeds: the texture and the renderer until the component is enabled again.
-        private string setupFailed = "";
-        private string failed = "";
-        private string prepareFailed = "";
-        private string pushFailed = "";
+        // The last error of each activity, for `Failure` and so that it is logged once. A success clears it, and so does enabling the component.
+        private string setupError = "";
+        private string showError = "";
+        private string prepareError = "";
+        private string pushError = "";
         private long missed;
         /// <summary>File that keeps compiled pipelines for the next run.</summary>
         private string pipelines = "";
@@ -134,11 +134,11 @@ namespace Cairn.Unity
             {
                 lock (pushing)
                 {
-                    foreach (string why in new[] { setupFailed, failed, prepareFailed })
+                    foreach (string why in new[] { setupError, showError, prepareError })
                     {
                         if (why.Length > 0) return why;
                     }
-                    return pushFailed;
+                    return pushError;
                 }
             }
         }
@@ -201,7 +201,7 @@ namespace Cairn.Unity
                 try
                 {
                     if (!presenter.TryPush(anchor, Clock.NowNs)) missed++;
-                    pushFailed = "";
+                    pushError = "";
                     if (preparedWidth != newWidth || preparedHeight != newHeight)
                     {
                         unprepared = presenter;
@@ -210,8 +210,8 @@ namespace Cairn.Unity
                 }
                 catch (CairnException why)
                 {
-                    if (pushFailed != why.Message) Debug.LogError("Cairn: " + why.Message);
-                    pushFailed = why.Message;
+                    if (pushError != why.Message) Debug.LogError("Cairn: " + why.Message);
+                    pushError = why.Message;
                 }
             }
             // Outside the lock: it takes long, and Unity's main thread must not wait for it.
@@ -240,7 +240,7 @@ namespace Cairn.Unity
                 if (presenter != unprepared) return;
                 // Without the component as context, because it belongs to the main thread.
                 if (why.Length > 0) Debug.LogError("Cairn: " + why);
-                prepareFailed = why;
+                prepareError = why;
                 // A size whose preparation failed is not tried again for each anchor.
                 preparedWidth = newWidth;
                 preparedHeight = newHeight;
@@ -251,10 +251,10 @@ namespace Cairn.Unity
         {
             lock (pushing)
             {
-                setupFailed = "";
-                failed = "";
-                prepareFailed = "";
-                pushFailed = "";
+                setupError = "";
+                showError = "";
+                prepareError = "";
+                pushError = "";
                 missed = 0;
                 enabledWorld = world;
             }
@@ -304,13 +304,13 @@ namespace Cairn.Unity
                 Graphics.ExecuteCommandBuffer(commands);
                 long shown;
                 string why;
-                if (view.TryGetShown(out shown, out why)) failed = "";
-                else if (why != failed) Fail(why);
+                if (view.TryGetShown(out shown, out why)) showError = "";
+                else if (why != showError) Fail(why);
             }
             catch (CairnException why)
             {
                 Close();
-                if (why.Message != failed) Fail(why.Message);
+                if (why.Message != showError) Fail(why.Message);
             }
             catch (ObjectDisposedException)
             {
@@ -459,13 +459,13 @@ namespace Cairn.Unity
 
         private void FailSetup(string why)
         {
-            lock (pushing) setupFailed = why;
+            lock (pushing) setupError = why;
             Debug.LogError("Cairn: " + why, this);
         }
 
         private void Fail(string why)
         {
-            lock (pushing) failed = why;
+            lock (pushing) showError = why;
             Debug.LogError("Cairn: " + why, this);
         }
     }

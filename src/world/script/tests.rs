@@ -359,7 +359,7 @@ fn sizes_are_bounded() {
     let motion = Action::Mouse { motion: [-1_234.567, 0.001_234_567], until: Some(79_999_654_321) };
     let longest = vec![ScriptEvent { at: 79_999_123_456, action: motion }; MAX_EVENTS];
     let longest = ControlScript::from_events(longest, None).unwrap();
-    assert_eq!(ControlScript::parse(&longest.write()).unwrap(), longest, "what is written can be read");
+    assert_eq!(ControlScript::parse(&longest.write()).unwrap(), longest, "a written script is read back");
     // The key that is held at the end is released by one more event.
     let held = |scrolls: usize| parse(&format!("0 down W\n{}1 end", "0 scroll 1\n".repeat(scrolls)));
     let most = held(MAX_EVENTS - 2).unwrap();

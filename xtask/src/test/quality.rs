@@ -15,8 +15,9 @@ const ROWS: [&str; 7] = ["repeat", "blend", "none", "paper", "cairn-flow", "cair
 /// Rows that a third-party program makes, and the clip that one plays.
 const DRIVERS: [&str; 4] = ["minterpolate", "flowfps", "rife", "rife4"];
 const GAME: &str = "vizdoom";
-/// What the program says of a package when there is no network, and of one that needs a newer Python than this machine has.
+/// The program's error for a package without a network.
 const UNREACHABLE: &str = "cannot reach the package index";
+/// The program's error for a package that needs a newer Python than this machine has.
 const NO_PYTHON: &str = "only other versions were found";
 const FRAMES: usize = 2;
 

@@ -86,7 +86,7 @@ def read_config(path: Path, max_window: int, **autoencoder) -> Geometry:
     for name, wanted in _FIXED.items():
         if name in config and (config[name] != wanted or isinstance(config[name], bool) != isinstance(wanted, bool)):
             raise BuildError(
-                f"{_shown(config[name])} is another model, {wanted!r} is what is read",
+                f"{_shown(config[name])} is another model; only {wanted!r} can be read",
                 field=f"config.yaml: {name}",
                 remedy="Only Waypoint-1.5 checkpoints can become bundles.",
             )

@@ -22,7 +22,8 @@ pub(super) struct GraphFields<'a> {
     outputs: Vec<&'a [u8]>,
 }
 
-/// What a model has of the whole one: whether it has each node and each initializer, and its inputs, as positions among the values.
+/// The parts of the whole model that a slice takes: a flag for each node and each initializer, and the slice's inputs with their indices in
+/// `Splitting::values`.
 struct Selection {
     nodes: Vec<bool>,
     tensors: Vec<bool>,
@@ -75,7 +76,7 @@ impl Splitting<'_> {
         Ok((onnx, inputs.into_iter().map(|(tensor, _)| tensor).collect(), footprint))
     }
 
-    /// Finds what a model of the nodes `own` has and reads.
+    /// The nodes `own`, with the constants and inputs that they need.
     fn needed_by(
         &self,
         own: Vec<usize>,

@@ -1,4 +1,4 @@
-//! Counts what a thread records into command lists.
+//! Counts the calls by which a thread records dispatches and barriers into command lists.
 
 use std::cell::Cell;
 use std::ffi::c_void;

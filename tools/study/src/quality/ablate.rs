@@ -280,7 +280,7 @@ impl FrameInputs<'_> {
     }
 }
 
-/// What is lost from a score with all rules to one without some: PSNR, SSIM and LPIPS, NaN where it is not measured.
+/// Loss of PSNR, SSIM and LPIPS by leaving rules out; NaN for an LPIPS that was not measured.
 fn lost(with: &Score, without: &Score) -> [f64; 3] {
     let lpips = with.lpips.zip(without.lpips).map_or(f64::NAN, |(with, without)| without - with);
     [with.psnr - without.psnr, with.ssim - without.ssim, lpips]
