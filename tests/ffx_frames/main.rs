@@ -621,6 +621,12 @@ fn invalid_inputs_are_refused_with_the_field_s_name() {
             assert_eq!((refused.expect(field).offending_field(), calls), (Some(field), 0));
         });
     }
+    run_list(&gpu, |list| {
+        let mut recorded = Ok(());
+        let calls = count_list_calls(list, || recorded = generator.record(list, &until, &pictures, &valid));
+        recorded.expect("recorded");
+        assert!(calls > 0, "a frame that is not refused is recorded");
+    });
     // The failures above left the generator usable.
     let found = pair(&mut generator, &textures, &pictures, &FrameParams::of(SIZE));
     assert!(off(&found, INNER, moved(HALF)) <= 2);

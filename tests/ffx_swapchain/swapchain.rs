@@ -160,7 +160,8 @@ impl WindowedEngine {
         let mut prepared = Ok(());
         run_list(gpu, |list| {
             if is_prepared {
-                prepared = swapchain.prepare(list, &depth_and_motion, &params);
+                let calls = count_list_calls(list, || prepared = swapchain.prepare(list, &depth_and_motion, &params));
+                assert!(prepared.is_err() || calls > 0, "a frame that is not refused is recorded");
             }
             let to = TestResource { resource: buffer.clone(), state: PRESENT };
             frame_textures::copy(list, &textures.color, &to);

@@ -79,7 +79,12 @@ fn textures_in_any_state_are_upscaled_as_with_raw_calls() {
         scene.draw(by, Coordinates::default());
         let until = FencePoint::of_engine(&scene.gpu, &fence, number + 1).expect("its own");
         let params = UpscaleParams { reset: number == 0, ..UpscaleParams::of(RENDERED, SHOWN) };
-        run_list(&scene.gpu, |list| upscaler.record(list, &until, &scene.pictures(), &params).expect("recorded"));
+        run_list(&scene.gpu, |list| {
+            let mut recorded = Ok(());
+            let record = || recorded = upscaler.record(list, &until, &scene.pictures(), &params);
+            assert!(count_list_calls(list, record) > 0, "a frame that is not refused is recorded");
+            recorded.expect("recorded");
+        });
         // SAFETY: a live fence, and the list has run.
         unsafe { fence.Signal(number + 1) }.expect("signalled");
     }
