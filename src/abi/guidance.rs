@@ -5,8 +5,9 @@ use half::f16;
 use super::anchor::cairn_anchor;
 use super::boundary::call;
 use super::handles::{Handle, Kind, Object, destroy, enter, insert_to};
-use super::results::{AbiResult, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_OK, Failure, cairn_result};
+use super::results::{AbiResult, CAIRN_OK, Failure, cairn_result};
 use super::structs::{Out, check_flags, check_out, check_zero, describe, read, slice, slice_mut};
+use crate::allocate;
 use crate::guidance::{DepthEncoding, DepthMap, Guidance, MotionField, MotionOrigin, Projection, paper, picture_flow};
 use crate::present::presenter::extract;
 use crate::world::GuidanceSource;
@@ -282,9 +283,7 @@ unsafe fn from_host(data: &cairn_guidance_data) -> AbiResult<Guidance> {
     }
     let mut values = Vec::new();
     let count = pixels as usize;
-    values.try_reserve_exact(count).map_err(|_| {
-        Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, format!("a depth map of {count} numbers cannot be allocated"))
-    })?;
+    allocate::reserve(&mut values, count)?;
     if data.depth.is_null() && data.depth_count == 0 {
         values.resize(count, picture_flow::FLAT_DEPTH);
         let flat = DepthMap::from_host(data.width, data.height, values, DepthEncoding::default(), projection)?;

@@ -12,8 +12,9 @@ use super::images::{Target, cairn_target};
 use super::results::{
     AbiResult, CAIRN_ERROR_UNSUPPORTED, CAIRN_NOT_READY, CAIRN_OK, CAIRN_QUEUE_FULL, Failure, cairn_result,
 };
-use super::structs::{Out, check_flags, check_out, describe, read_or_default, slice};
+use super::structs::{Out, check_flags, check_out, check_zero, describe, read_or_default, slice};
 use crate::Colours;
+use crate::allocate;
 use crate::framegen::Phases;
 use crate::present::Selection;
 use crate::present::pacing::Interval;
@@ -374,13 +375,7 @@ pub unsafe extern "C" fn cairn_presenter_set_overlay(
         }
         // SAFETY: so many bytes may be read there by the host's promise.
         let mask = unsafe { slice(mask, size, "mask") }?;
-        let mut copied = Vec::new();
-        copied.try_reserve_exact(size).map_err(|_| {
-            let cause = format!("a mask of {size} bytes cannot be kept");
-            crate::Error::new(crate::ErrorKind::OutOfMemory, cause)
-        })?;
-        copied.extend_from_slice(mask);
-        object.presenter.set_overlay(Some(((width, height), copied)))?;
+        object.presenter.set_overlay(Some(((width, height), allocate::copy_of(mask)?)))?;
         Ok(CAIRN_OK)
     })
 }
@@ -445,15 +440,9 @@ fn create(options: &cairn_presenter_options) -> AbiResult<PresenterObject> {
     let known =
         CAIRN_PRESENTER_HOLD_LATE | CAIRN_PRESENTER_CATCH_UP | CAIRN_PRESENTER_NO_DECODED | CAIRN_PRESENTER_LETTERBOX;
     check_flags(options.flags, known, "options.flags")?;
-    for (field, value) in [
-        ("reserved", options.reserved),
-        ("reserved_too", options.reserved_too),
-        ("reserved_also", options.reserved_also),
-    ] {
-        if value != 0 {
-            return refuse(field, "it must be 0".into());
-        }
-    }
+    check_zero(options.reserved, "options.reserved")?;
+    check_zero(options.reserved_too, "options.reserved_too")?;
+    check_zero(options.reserved_also, "options.reserved_also")?;
     let capacity = match options.capacity {
         0 => 4,
         capacity @ 1..=super::rollout::CAIRN_MAX_QUEUE => capacity,

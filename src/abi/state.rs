@@ -9,11 +9,11 @@ use std::time::Duration;
 
 use super::boundary::call;
 use super::handles::{enter, enter_serialized};
-use super::results::{AbiResult, CAIRN_ERROR_IO, CAIRN_ERROR_OUT_OF_MEMORY, CAIRN_OK, Failure, cairn_result};
+use super::results::{AbiResult, CAIRN_ERROR_IO, CAIRN_OK, Failure, cairn_result};
 use super::rollout::cairn_rollout;
 use super::structs::{check_out, slice, slice_mut};
 use super::text::required_text;
-use crate::{Error, ErrorKind};
+use crate::{Error, ErrorKind, allocate};
 
 /// Upper limit on the difference in bytes between two states of one world: their operating points' texts differ in length.
 const SLACK: u64 = 1 << 16;
@@ -179,9 +179,7 @@ fn read_file(path: &Path, max_bytes: u64) -> AbiResult<Vec<u8>> {
     }
     let file = File::open(path).map_err(failure)?;
     let mut bytes = Vec::new();
-    bytes.try_reserve_exact(found.len() as usize).map_err(|_| {
-        Failure::new(CAIRN_ERROR_OUT_OF_MEMORY, format!("a state of {} bytes cannot be read", found.len()))
-    })?;
+    allocate::reserve(&mut bytes, found.len() as usize)?;
     file.take(found.len()).read_to_end(&mut bytes).map_err(failure)?;
     Ok(bytes)
 }

@@ -277,7 +277,7 @@ impl Generator {
         fault.map_or(Ok(()), |(field, why)| Err(Error::new(ErrorKind::InvalidArgument, why).field(field)))
     }
 
-    /// Checks a frame as [`prepare`](Self::prepare) does.
+    /// Checks a frame for [`prepare`](Self::prepare).
     ///
     /// # Errors
     /// As [`check`](Self::check).
@@ -287,7 +287,7 @@ impl Generator {
         fault.map_or(Ok(()), |(field, why)| Err(Error::new(ErrorKind::InvalidArgument, why).field(field)))
     }
 
-    /// Makes the configure and prepare calls of a frame; AMD's swap chain makes the third when the frame is presented. Returns the
+    /// Makes the configure and prepare calls of a frame that [`check_presented`](Self::check_presented) has accepted; AMD's swap chain makes the third when the frame is presented. Returns the
     /// frame's id, and whether it drops the history. Ignores color, output, transfer and luminance.
     ///
     /// # Errors
@@ -297,7 +297,6 @@ impl Generator {
     /// As [`record`](Self::record); the swap chain and the callback's user data live until the next configure call replaces them.
     #[cfg(windows)]
     pub(super) unsafe fn prepare(&mut self, frame: &Frame, settings: ConfigureFrameGeneration) -> Result<(u64, bool)> {
-        self.check_presented(frame)?;
         // SAFETY: the caller's promise.
         let prepared = unsafe { self.begin(frame, settings) }?;
         (self.last, self.has_history) = (prepared.0, true);

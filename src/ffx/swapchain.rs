@@ -293,9 +293,7 @@ impl Swapchain {
         let made = *self.generator.as_ref().ok_or_else(no_generator)?.creation();
         self.check_buffers(&made)?;
         let motion_size = motion_size_at(&made, params.render_size);
-        let mut request = self.request(list, pictures, params)?;
-        self.motion.prepare(&self.gpu, &pictures.motion, motion_size)?;
-        request.motion = Resource::of(self.motion.texture(), INPUT);
+        let request = self.request(list, pictures, params, &made, motion_size)?;
         // Before anything is recorded.
         self.generator.as_ref().ok_or_else(no_generator)?.check_presented(&request)?;
         // AMD's swap chain forgets a copied interface within `Present` (`copyUiResource` in its published source).
@@ -359,18 +357,18 @@ impl Swapchain {
         Ok(())
     }
 
-    /// The frame that AMD's library gets, without its motion. Motion is checked as well.
+    /// The frame that AMD's library gets. Prepares the texture for its motion, and records nothing.
     fn request(
-        &self,
+        &mut self,
         list: &ID3D12GraphicsCommandList,
         pictures: &FrameTextures<'_>,
         params: &FrameParams,
+        made: &CreateFrameGeneration,
+        motion_size: Dimensions,
     ) -> Result<Frame> {
-        let made = *self.generator.as_ref().ok_or_else(no_generator)?.creation();
         let check_and_describe = |given: &ResourceWithState<'_>, size, field: &str, state| {
             picture(&self.gpu, given, size, field).map(|()| Resource::of(given.resource, state))
         };
-        let motion_size = motion_size_at(&made, params.render_size);
         let depth = check_and_describe(&pictures.depth, params.render_size, "depth", INPUT)?;
         check_and_describe(&pictures.motion, motion_size, "motion", INPUT)?;
         let describe = |given: &ResourceWithState<'_>, field: &str| {
@@ -390,12 +388,13 @@ impl Swapchain {
         };
         let (hudless, distortion) =
             (optional(&pictures.hudless, "hudless")?, optional(&pictures.distortion, "distortion")?);
+        self.motion.prepare(&self.gpu, &pictures.motion, motion_size)?;
         Ok(Frame {
             command_list: list.as_raw(),
             color: Resource::default(),
             output: Resource::default(),
             depth,
-            motion: Resource::default(),
+            motion: Resource::of(self.motion.texture(), INPUT),
             hudless,
             distortion,
             params: *params,

@@ -7,6 +7,7 @@ use super::fenced_slots::FencedSlots;
 use super::target::{Target, check_list};
 use super::texture::layout;
 use super::{FencePoint, Gpu};
+use crate::allocate;
 use crate::pixel_format::{PixelConverter, PixelFormat};
 use crate::{Colours, Error, ErrorKind, Picture, Result};
 
@@ -120,10 +121,7 @@ impl Uploads {
     }
 
     fn grow_row(&mut self, len: usize) -> Result<()> {
-        let more = len.saturating_sub(self.row.len());
-        self.row
-            .try_reserve_exact(more)
-            .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("a row of {len} bytes cannot be allocated")))?;
+        allocate::reserve(&mut self.row, len)?;
         self.row.resize(len, 0);
         Ok(())
     }

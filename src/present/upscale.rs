@@ -4,6 +4,7 @@
 //! fine bright pattern darkens a little when it is reduced. Outside the picture, edge pixels are repeated. All four channels are treated
 //! alike.
 
+use crate::allocate::zeroed;
 use crate::tasks::{self, Parallel, ParallelSliceMut, PoolLease};
 use crate::{Error, ErrorKind, MAX_SIDE, Picture, Result};
 
@@ -80,7 +81,7 @@ impl Upscaler {
             to,
             columns: Table::new(from.0, to.0, filter)?,
             rows: Table::new(from.1, to.1, filter)?,
-            scratch: filled(from.0 as usize * 4 * bands)?,
+            scratch: zeroed(from.0 as usize * 4 * bands)?,
             _threads: threads,
         })
     }
@@ -169,9 +170,9 @@ impl Table {
     pub(super) fn new(from: u32, to: u32, filter: Filter) -> Result<Self> {
         if from == to {
             // Every kernel is 0 at whole distances.
-            let mut first = filled(to as usize)?;
+            let mut first = zeroed(to as usize)?;
             first.iter_mut().zip(0..).for_each(|(first, i)| *first = i);
-            let mut weights = filled(to as usize)?;
+            let mut weights = zeroed(to as usize)?;
             weights.fill(1.0);
             return Ok(Self { width: 1, first, weights });
         }
@@ -180,7 +181,7 @@ impl Table {
         let reach = filter.radius() * stretch;
         // At most the whole axis: weights outside it are added to the edge pixel.
         let width = ((2.0 * reach).ceil() as usize + 1).min(from as usize);
-        let mut table = Self { width, first: filled(to as usize)?, weights: filled(to as usize * width)? };
+        let mut table = Self { width, first: zeroed(to as usize)?, weights: zeroed(to as usize * width)? };
 
         for (i, (first, weights)) in table.first.iter_mut().zip(table.weights.chunks_exact_mut(width)).enumerate() {
             let centre = (i as f64 + 0.5) * ratio - 0.5;
@@ -202,16 +203,6 @@ impl Table {
     pub(super) fn taps(&self, i: usize) -> (usize, &[f32]) {
         (self.first[i] as usize, &self.weights[i * self.width..(i + 1) * self.width])
     }
-}
-
-/// `len` default values; an error instead of an abort if memory is short.
-fn filled<T: Clone + Default>(len: usize) -> Result<Vec<T>> {
-    let mut values = Vec::new();
-    values
-        .try_reserve_exact(len)
-        .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("a table of {len} entries cannot be allocated")))?;
-    values.resize(len, T::default());
-    Ok(values)
 }
 
 #[cfg(test)]

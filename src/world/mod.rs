@@ -23,7 +23,6 @@ mod loading;
 mod missing_operator;
 mod noise;
 mod operating_point;
-
 mod passes;
 mod plan;
 mod preset;

@@ -151,7 +151,6 @@ impl Recorder {
 
     /// Starts an open list after one that was not submitted.
     fn begin_again(&mut self) {
-        self.lost_submissions += 1;
         self.begin();
         let clearings = std::mem::take(&mut self.clearings);
         for Clearing { buffer, zeroes, regions } in &clearings {
@@ -277,6 +276,7 @@ impl Recorder {
     /// Discards the recorded commands.
     pub(super) fn discard(&mut self) -> Result<()> {
         let failed = |call: &str, e: &windows::core::Error| -> Error { failed_on(self.gpu.device(), call, e) };
+        self.lost_submissions += 1;
         // SAFETY: an open list.
         _ = unsafe { self.list.Close() };
         // SAFETY: no list recorded with it was submitted.
@@ -361,7 +361,10 @@ impl Recorder {
                 self.clearings.clear();
                 self.begin();
             }
-            Err(_) => self.begin_again(),
+            Err(_) => {
+                self.lost_submissions += 1;
+                self.begin_again();
+            }
         }
         submitted
     }

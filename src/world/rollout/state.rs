@@ -18,6 +18,7 @@ use sha2::{Digest, Sha256};
 
 use super::Rollout;
 use super::limits::Limits;
+use crate::allocate;
 use crate::error::printable;
 use crate::runtime::all_finite;
 use crate::world::operating_point::OperatingPoint;
@@ -52,8 +53,7 @@ impl Rollout {
         let (head, planner) = self.head_and_planner()?;
         let len = self.len_with(&head, &planner);
         let mut out = Vec::new();
-        out.try_reserve_exact(len)
-            .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("a state of {len} bytes cannot be allocated")))?;
+        allocate::reserve(&mut out, len)?;
         out.extend_from_slice(MAGIC);
         out.extend_from_slice(&VERSION.to_le_bytes());
         for part in [&head, &planner] {

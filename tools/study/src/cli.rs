@@ -57,7 +57,7 @@ Pictures of a world with random weights mean nothing; the manifest and the conta
 /// Consequence for a command that writes all its files at the end.
 const NOTHING_WRITTEN: &str = "nothing is written";
 /// Consequence for a command that keeps finished cells.
-const CELLS_KEPT: &str = "what is whole is kept, and the same command goes on";
+const CELLS_KEPT: &str = "finished parts are kept, and the same command continues";
 
 #[derive(Parser)]
 #[command(name = "study", version, about = "Runs a world model from a seed picture and a control script to a video", after_help = EXAMPLES)]

@@ -22,6 +22,12 @@ const MAX_MESSAGE_BYTES: u64 = 64 << 10;
 /// Maximum number of parallel processes.
 pub(crate) const MAX_JOBS: usize = 256;
 
+/// Default number of rollouts at a time that use `threads` threads each: one to as many processors.
+pub(crate) fn usual_jobs(threads: usize) -> usize {
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    (processors / threads.max(1)).clamp(1, MAX_JOBS)
+}
+
 /// Work of one process.
 pub(crate) struct Work {
     /// Name for messages.
@@ -116,7 +122,7 @@ impl<'a> Running<'a> {
             if message.is_empty() { format!("its process ended by itself: {status}") } else { message.to_owned() };
         Err(Error::new(kind, format!("{name}: {cause}"))
             .field(self.work.folder.display().to_string())
-            .remedy("Run the same command again: what is whole is kept"))
+            .remedy("Run the same command again: finished parts are kept"))
     }
 }
 

@@ -88,7 +88,7 @@ fn first_of(names: &[PathBuf], oldest: Version, nothing: &str) -> Result<Python>
             Ok(python) if python.is_of_store && !may_be_of_store => of_store = of_store.or(Some(python)),
             Ok(python) => match require_pip(&python) {
                 Ok(()) => return Ok(python),
-                Err(why) => without_pip = Some(why),
+                Err(why) => without_pip = without_pip.or(Some(why)),
             },
             Err(Some(why)) => seen.push(why),
             Err(None) => {}

@@ -117,10 +117,7 @@ pub(super) fn pytest(
     (name, options): (&str, &[&str]),
 ) -> Result<Tally, String> {
     let report = context.workspace.target.join("xtask").join(format!("{name}.xml"));
-    match fs::remove_file(&report) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", report.display())),
-        _ => {}
-    }
+    workspace::remove(&report)?;
     python
         .args(["-m", "pytest", "-v", "-ra", "-p", "no:cacheprovider", "--junitxml"])
         .arg(&report)

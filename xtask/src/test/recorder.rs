@@ -14,6 +14,7 @@ use super::validation::messages::{Message, separate};
 use super::{Context, study_windows, windows_build};
 use crate::counts::{self, Counts};
 use crate::shell::{CommandOutput, Log};
+use crate::workspace;
 
 /// Broken rules that are no faults.
 const LIST: &str = "xtask/recorder.toml";
@@ -62,7 +63,7 @@ const OVERRIDES: &str = "mscoree,mshtml=;d3d12=n,b";
 
 pub(super) fn run(context: &Context<'_>, log: &mut Log) -> Result<Tally, String> {
     // That of an earlier run.
-    _ = fs::remove_file(counts_file(context));
+    workspace::remove(&counts_file(context))?;
     let mut tally = run_programs(
         context,
         &[

@@ -9,7 +9,7 @@ pub fn describe(settings: &Settings) -> Machine {
     let first =
         adapters.iter().position(|adapter| !adapter.software).or(if adapters.is_empty() { None } else { Some(0) });
     // An adapter that is not there is not judged.
-    let judged = settings.adapter.map_or(first, |index| Some(index).filter(|index| *index < adapters.len()));
+    let judged = settings.adapter.map_or(first, |index| (index < adapters.len()).then_some(index));
     let emulated = judged.is_some_and(|index| adapters[index].software) || is_wine();
     Machine { adapters, judged, emulated, ..without_adapters() }
 }

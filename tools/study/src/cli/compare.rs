@@ -11,7 +11,7 @@ use super::{CELLS_KEPT, Subcommand, print_outcome, progress, size, stop_on_inter
 use crate::compare::{self, Settings};
 use crate::device::DeviceChoice;
 use crate::scene_id::landscape;
-use crate::workers::MAX_JOBS;
+use crate::workers::usual_jobs;
 
 pub(super) const EXAMPLES: &str = "\
 Examples:
@@ -114,9 +114,8 @@ impl CompareArgs {
         };
         let (seconds, small) = if self.smoke { SMOKE } else { (SECONDS, SIZE) };
         let device: DeviceChoice = self.device.parse()?;
-        let processors = std::thread::available_parallelism().map_or(1, usize::from);
         let jobs = match device {
-            DeviceChoice::Cpu => (processors / self.threads.max(1)).clamp(1, MAX_JOBS),
+            DeviceChoice::Cpu => usual_jobs(self.threads),
             _ => 1,
         };
         Ok(Settings {

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use cairn::Result;
 use clap::Args;
 
-use super::{Subcommand, print_outcome, progress, stop_on_interrupt};
+use super::{CELLS_KEPT, Subcommand, print_outcome, progress, stop_on_interrupt};
 use crate::quality::{self, FloorSettings, Settings};
 
 pub(super) const EXAMPLES: &str = "\
@@ -152,14 +152,17 @@ impl Subcommand for QualityArgs {
                 println!("  {}", file.display());
             }
         }
+        if outcome.interrupted {
+            eprintln!("interrupted: {CELLS_KEPT}");
+            return Ok(ExitCode::from(130));
+        }
         if self.check {
             outcome.claims.iter().for_each(|claim| println!("{claim}"));
             println!("{}", outcome.tally);
         }
-        if outcome.interrupted {
-            eprintln!("interrupted: the same command goes on from here");
-            return Ok(ExitCode::from(130));
-        }
         Ok(ExitCode::from(u8::from(self.check && outcome.missed > 0)))
+    }
+    fn when_interrupted(&self) -> &'static str {
+        CELLS_KEPT
     }
 }

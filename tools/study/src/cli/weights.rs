@@ -9,7 +9,7 @@ use clap::Args;
 use super::rollout::preset;
 use super::{CELLS_KEPT, Subcommand, print_outcome, progress, stop_on_interrupt};
 use crate::level::HELD_OUT_SECONDS;
-use crate::workers::MAX_JOBS;
+use crate::workers::usual_jobs;
 use crate::world_quality::weights::{self, Settings};
 
 pub(super) const EXAMPLES: &str = "\
@@ -73,9 +73,7 @@ impl WeightsArgs {
             walks: self.walks,
             seconds: self.seconds,
             lpips: !self.no_lpips,
-            jobs: self
-                .jobs
-                .unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from).min(MAX_JOBS)),
+            jobs: self.jobs.unwrap_or_else(|| usual_jobs(1)),
             publish: self.publish,
             out: self.out.clone(),
         })

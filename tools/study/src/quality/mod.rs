@@ -204,23 +204,13 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
     }
     let lpips = if plan.clips.is_empty() { Ok(None) } else { open_lpips(settings, progress) };
     let mut measured = measure::run(&plan, lpips, &store, progress, stop)?;
-    if settings.sealed && measured.interrupted {
-        return Ok(QualityOutcome {
-            files: Vec::new(),
-            claims: Vec::new(),
-            tally: Tally::of(&[]).to_string(),
-            missed: 0,
-            computed: measured.computed,
-            kept: measured.kept,
-            left_out: Vec::new(),
-            notes: vec!["nothing of the sealed set was shown, so the ledger has no line of this run".into()],
-            interrupted: true,
-        });
+    if measured.interrupted {
+        return Ok(interrupted(settings, &measured));
     }
     let table = Table::new(&measured.records);
     let opening = if settings.sealed { Some(open_sealed(settings, &table, &measured)?) } else { None };
     let mut claims = claims::judge(&table);
-    let speed = if settings.speed && !measured.interrupted {
+    let speed = if settings.speed {
         let speed = speed::measure(&store, progress, stop)?;
         claims.extend(speed.judge());
         Some(speed)
@@ -228,25 +218,11 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
         None
     };
 
-    if measured.interrupted && !settings.sealed {
-        // A page of a part would replace one of the whole.
-        return Ok(QualityOutcome {
-            files: Vec::new(),
-            tally: String::new(),
-            missed: 0,
-            claims: Vec::new(),
-            computed: measured.computed,
-            kept: measured.kept,
-            left_out: measured.left_out.iter().map(ToString::to_string).collect(),
-            notes: vec!["no page was written, because some frames are not scored yet".into()],
-            interrupted: true,
-        });
-    }
     fs::create_dir_all(&settings.out).map_err(|e| describe_io("cannot be made", &settings.out, &e))?;
     let page = Page { settings, table: &table, claims: &claims, speed: speed.as_ref(), opening: opening.as_ref() };
     let files = files(&page, &mut measured, &store)?;
     let mut written = files.write(&settings.out)?;
-    if settings.publish && !measured.interrupted {
+    if settings.publish {
         let names = page.names();
         // This row alone runs a world.
         let is_paper = measured.rows.iter().any(|(kind, _)| *kind == Kind::Paper);
@@ -264,8 +240,31 @@ pub fn run(settings: &Settings, progress: &Progress, stop: &AtomicBool) -> Resul
         kept: measured.kept,
         left_out: measured.left_out.iter().map(ToString::to_string).collect(),
         notes: opening.map(|opening| opening.notes()).unwrap_or_default(),
-        interrupted: measured.interrupted,
+        interrupted: false,
     })
+}
+
+/// The outcome of a run that was ended. No page is written: a page of a part would replace one of the whole.
+fn interrupted(settings: &Settings, measured: &Measurements) -> QualityOutcome {
+    let (left_out, note) = match settings.sealed {
+        // An opening that has no line in the ledger must not show what it measured.
+        true => (Vec::new(), "nothing of the sealed set was shown, so the ledger has no line of this run"),
+        false => (
+            measured.left_out.iter().map(ToString::to_string).collect(),
+            "no page was written, because some frames are not scored yet",
+        ),
+    };
+    QualityOutcome {
+        files: Vec::new(),
+        tally: Tally::of(&[]).to_string(),
+        missed: 0,
+        claims: Vec::new(),
+        computed: measured.computed,
+        kept: measured.kept,
+        left_out,
+        notes: vec![note.into()],
+        interrupted: true,
+    }
 }
 
 /// An opening of the sealed set that is in the ledger.

@@ -25,7 +25,7 @@ use crate::scene_id::{SceneId, landscape};
 use crate::seed_picture::MAX_SIDE;
 use crate::sets;
 use crate::settings::{Formats, Settings as Rollout};
-use crate::workers::check_jobs;
+use crate::workers::{check_jobs, usual_jobs};
 
 /// Maximum number of scenes of a family.
 const MAX_SCENES_PER_FAMILY: u64 = 100;
@@ -182,10 +182,7 @@ impl Settings {
     /// Default number of parallel rollouts: the number of processors divided by the threads per pass.
     fn usual_jobs(&self) -> usize {
         match self.device {
-            DeviceChoice::Cpu => {
-                let processors = std::thread::available_parallelism().map_or(1, usize::from);
-                (processors / self.threads.max(1)).clamp(1, 256)
-            }
+            DeviceChoice::Cpu => usual_jobs(self.threads),
             _ => 1,
         }
     }

@@ -70,7 +70,16 @@ impl Settings {
 
     /// The command line that measures the same.
     fn command(&self) -> String {
-        let mut command = "cargo run --release -p study -- weights --publish".to_owned();
+        let mut command = "cargo run --release -p study -- weights".to_owned();
+        if self.publish {
+            command += " --publish";
+        }
+        for other in &self.others {
+            command += &format!(" {}", other.display());
+        }
+        if let Some(world) = &self.world {
+            command += &format!(" --world {}", world.display());
+        }
         if self.preset != Preset::Stock {
             command += &format!(" --preset {}", self.preset.name());
         }
@@ -78,6 +87,9 @@ impl Settings {
             if value != default {
                 command += &format!(" --{option} {value}");
             }
+        }
+        if !self.lpips {
+            command += " --no-lpips";
         }
         command
     }
@@ -261,6 +273,14 @@ mod tests {
         assert_eq!(settings().command(), "cargo run --release -p study -- weights --publish");
         let other = Settings { walks: 8, seconds: 5, preset: Preset::Coherence, ..settings() };
         assert!(other.command().ends_with(" --preset coherence --walks 8 --seconds 5"), "{}", other.command());
+        let own = Settings {
+            world: Some("mine".into()),
+            others: vec!["mine-8bit".into()],
+            lpips: false,
+            publish: false,
+            ..settings()
+        };
+        assert!(own.command().ends_with("-- weights mine-8bit --world mine --no-lpips"), "{}", own.command());
         settings().check().unwrap();
         for (wrong, field) in [
             (Settings { walks: 9, ..settings() }, "--walks"),
