@@ -85,6 +85,8 @@ namespace Cairn
         [MonoPInvokeCallback(typeof(Native.log_callback))]
         internal static void OnMessage(uint level, byte* target, byte* message, void* user)
         {
+            // While the sink is replaced, a message of its own may reach the next one.
+            bool isNested = isInSink;
             try
             {
                 isInSink = true;
@@ -97,7 +99,7 @@ namespace Cairn
             }
             finally
             {
-                isInSink = false;
+                isInSink = isNested;
             }
         }
     }

@@ -54,15 +54,16 @@ async def submit_when_ready(submit: Callable[[], int | None]) -> int:
 
 
 async def cancel_steps(rollout: Rollout, tickets: Iterable[int]) -> None:
-    """Cancels queued steps, and returns when the rollout is idle: also the step in progress, which may be another one, has ended. A
-    cancellation meanwhile is raised afterwards.
+    """Cancels queued steps, and returns when the rollout is idle: also the step in progress, which may be another one, has ended. It does not
+    wait for steps that are queued later. A cancellation meanwhile is raised afterwards.
     """
     if rollout.closed:
         return
     rollout.cancel()
+    newest = rollout._last_ticket
     poller = _Poller()
     again: asyncio.CancelledError | None = None
-    for is_over in (*(partial(_has_ended, rollout, ticket) for ticket in tickets), partial(_is_idle, rollout)):
+    for is_over in (*(partial(_has_ended, rollout, ticket) for ticket in tickets), partial(_is_idle, rollout, newest)):
         while not is_over():
             try:
                 await poller.pause()
@@ -84,7 +85,9 @@ def _has_ended(rollout: Rollout, ticket: int) -> bool:
     return found is not None
 
 
-def _is_idle(rollout: Rollout) -> bool:
+def _is_idle(rollout: Rollout, newest: int) -> bool:
+    if rollout._last_ticket != newest:
+        return True
     try:
         return rollout.statistics.queue_depth == 0
     except Error:

@@ -50,11 +50,13 @@ def log_to(logger: logging.Logger | None, level: int = logging.WARNING) -> None:
 
 def _handler(logger: logging.Logger) -> Any:
     def take(level: int, target: bytes, message: bytes, _user: object) -> None:
+        # While the logger is replaced, a handler's own message may reach the next handler.
+        is_nested = getattr(_this_thread, "handles_message", False)
         try:
             _this_thread.handles_message = True
             part, text = target.decode(errors="replace"), message.decode(errors="replace")
             logger.log(_LEVELS.get(level, logging.ERROR), "%s: %s", part, text)
         finally:
-            _this_thread.handles_message = False
+            _this_thread.handles_message = is_nested
 
     return take

@@ -209,6 +209,8 @@ class Rollout(Object):
     """
 
     _kind = "rollout"
+    _last_ticket = 0
+    """Ticket of the step that was queued last; 0 if there is none."""
 
     @property
     def info(self) -> RolloutInfo:
@@ -341,7 +343,10 @@ class Rollout(Object):
     def _submit(self, function: str, *arguments: Any) -> int | None:
         ticket = c_uint64()
         result = call(function, self._handle, *arguments, byref(ticket))
-        return None if result == c.QUEUE_FULL else ticket.value
+        if result == c.QUEUE_FULL:
+            return None
+        self._last_ticket = ticket.value
+        return ticket.value
 
     def poll(self, ticket: int) -> tuple[StepInfo, Anchor] | None:
         """Fetches the result of a queued step, without waiting; None while the step waits or runs. Each result can be fetched once.

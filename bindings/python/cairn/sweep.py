@@ -217,7 +217,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(str(error) if str(error).startswith("error: ") else f"error: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        print("interrupted: what is whole is kept, and the same command goes on", file=sys.stderr)
+        print("interrupted: finished parts are kept, and the same command continues", file=sys.stderr)
         return 130
     print(text, end="")
     return 0

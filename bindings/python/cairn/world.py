@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from ctypes import POINTER, byref, c_uint32, create_string_buffer, sizeof
@@ -131,15 +132,11 @@ def _deferred_interrupt() -> Iterator[list[tuple[int, FrameType | None]]]:
     """
     received: list[tuple[int, FrameType | None]] = []
     former = signal.getsignal(signal.SIGINT)
-    if not callable(former):
+    # Python sets and calls handlers on the main thread only.
+    if not callable(former) or threading.current_thread() is not threading.main_thread():
         yield received
         return
-    try:
-        signal.signal(signal.SIGINT, lambda number, frame: received.append((number, frame)))
-    except ValueError:
-        # Not the main thread: Python calls handlers on that one only.
-        yield received
-        return
+    signal.signal(signal.SIGINT, lambda number, frame: received.append((number, frame)))
     try:
         yield received
     finally:

@@ -195,6 +195,7 @@ def test_a_cancellation_ends_when_all_steps_have_ended():
 
     class Running:
         closed = False
+        _last_ticket = 1
 
         def __init__(self):
             self.depths = [1, 1, 0]
@@ -212,6 +213,20 @@ def test_a_cancellation_ends_when_all_steps_have_ended():
     rollout = Running()
     asyncio.run(_awaiting.cancel_steps(rollout, [1]))
     assert not rollout.depths
+
+    class Busy(Running):
+        """Others queue a step at the third question, so that the queue is never empty."""
+
+        @property
+        def statistics(self):
+            self.depths.append(1)
+            if len(self.depths) == 5:
+                self._last_ticket = 2
+            return SimpleNamespace(queue_depth=1)
+
+    rollout = Busy()
+    asyncio.run(asyncio.wait_for(_awaiting.cancel_steps(rollout, [1]), 30))
+    assert len(rollout.depths) == 5
 
 
 def test_a_second_cancellation_does_not_leave_a_step_behind(rollout, expected):

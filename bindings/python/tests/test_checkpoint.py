@@ -268,7 +268,7 @@ def test_values_that_are_nested_too_deeply_have_a_message(tmp_path):
         open_checkpoint(tmp_path / "c")
 
 
-@pytest.mark.parametrize("value", ["2001-99-99", "9" * 5000, "1" + ":00" * 400 + ".5"], ids=["date", "int", "float"])
+@pytest.mark.parametrize("value", ["2001-99-99", "9" * 5000, "1" + ":00" * 400 + ".5", '!!int ""', "!!bool x", "!!timestamp x"], ids=["date", "int", "float", "no int", "no bool", "no time"])
 def test_values_that_python_has_not_have_a_message(tmp_path, value):
     path = tmp_path / "config.yaml"
     path.write_text(f"n_layers: {value}\n")

@@ -71,7 +71,8 @@ namespace Cairn.Unity
         private Presenter presenter;
         private Plugin.View view;
         private Device device;
-        // The last error of each activity, for `Failure` and so that it is logged once. A success clears it, and so does enabling the component.
+        // The last error of each activity, for `Failure` and so that it is logged once. A success clears it; that of the setup stays until the
+        // component is enabled again.
         private string setupError = "";
         private string showError = "";
         private string prepareError = "";
@@ -127,18 +128,16 @@ namespace Cairn.Unity
             get { return new Rect(0, 1, 1, -1); }
         }
 
-        /// <summary>Why nothing is shown; empty if there is no failure.</summary>
+        /// <summary>What failed, such as why nothing is shown; empty if there is no failure.</summary>
         public string Failure
         {
             get
             {
                 lock (pushing)
                 {
-                    foreach (string why in new[] { setupError, showError, prepareError })
-                    {
-                        if (why.Length > 0) return why;
-                    }
-                    return pushError;
+                    if (setupError.Length > 0) return setupError;
+                    if (showError.Length > 0) return showError;
+                    return prepareError.Length > 0 ? prepareError : pushError;
                 }
             }
         }
@@ -223,8 +222,7 @@ namespace Cairn.Unity
             string why = "";
             try
             {
-                // The next anchor tries again.
-                if (!Plugin.Prepare(with, unprepared, newWidth, newHeight, anchor.Width, anchor.Height, pipelines)) return;
+                Plugin.Prepare(with, unprepared, newWidth, newHeight, anchor.Width, anchor.Height, pipelines);
             }
             catch (CairnException failure)
             {
@@ -266,12 +264,12 @@ namespace Cairn.Unity
             string why;
             if (!Plugin.IsReady(out why))
             {
-                Fail(why);
+                FailSetup(why);
                 return;
             }
             if (enabledWorld == null)
             {
-                Fail("The presenter has no world. Give it a Cairn World.");
+                FailSetup("The presenter has no world. Give it a Cairn World.");
                 return;
             }
             MakeTexture();
@@ -459,6 +457,7 @@ namespace Cairn.Unity
 
         private void FailSetup(string why)
         {
+            if (why == setupError) return;
             lock (pushing) setupError = why;
             Debug.LogError("Cairn: " + why, this);
         }

@@ -356,15 +356,21 @@ namespace Cairn.Unity
                 // Loading may have taken longer than an update may.
                 owner.NoteUpdate();
                 long next = Clock.NowNs;
+                bool wasHeld = false;
                 while (!IsStopping)
                 {
                     if (owner.IsHeld)
                     {
+                        wasHeld = true;
                         stopping.WaitOne(20);
-                        // The player's input during a pause is discarded.
-                        if (!owner.IsHeld && input != null) input.Take();
-                        next = Clock.NowNs;
                         continue;
+                    }
+                    if (wasHeld)
+                    {
+                        // The player's input during a pause is discarded.
+                        if (input != null) input.Take();
+                        next = Clock.NowNs;
+                        wasHeld = false;
                     }
                     rollout.Step(input == null ? default(Controls) : input.Take());
                     using (Anchor anchor = rollout.Anchor()) owner.Show(anchor);

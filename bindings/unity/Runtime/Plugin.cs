@@ -73,10 +73,10 @@ namespace Cairn.Unity
         /// <summary>
         /// Creates everything that a presenter needs for frames of a size, from anchors of a size. Takes seconds the first time, so call it on a
         /// loading thread. Until then, and in another size, the nearest anchor is shown. Compiled pipelines are kept in the file
-        /// <paramref name="pipelines"/> for the next run. Returns false if nothing could be prepared yet.
+        /// <paramref name="pipelines"/> for the next run.
         /// </summary>
         /// <exception cref="CairnException">For example for a required generator that is not available, or too little memory.</exception>
-        internal static bool Prepare(
+        internal static void Prepare(
             Device device, Presenter presenter, int width, int height, int anchorWidth, int anchorHeight, string pipelines)
         {
             int result;
@@ -88,7 +88,6 @@ namespace Cairn.Unity
             CairnException.ThrowIfFailed(result);
             GC.KeepAlive(device);
             GC.KeepAlive(presenter);
-            return result == 0;
         }
 
         private delegate int TextFunction(byte* text, UIntPtr room, UIntPtr* length);

@@ -67,13 +67,12 @@ cairn_result cairn_unity_create_device(cairn_device **device)
     return cairn_device_create_cpu(NULL, device);
 }
 
-/* The first call finds the presenter without an anchor, as where a device is still finishing it. Without the anchors' size none succeeds. */
+/* Without the anchors' size the plugin would find nothing to prepare for. */
 cairn_result cairn_unity_prepare(const cairn_device *device, const cairn_presenter *presenter, uint32_t width, uint32_t height,
                                  uint32_t anchor_width, uint32_t anchor_height, const char *pipelines)
 {
-    static int calls;
     (void)device, (void)presenter, (void)width, (void)height, (void)pipelines;
-    return anchor_width > 0 && anchor_height > 0 && calls++ > 0 ? CAIRN_OK : CAIRN_NOT_READY;
+    return anchor_width > 0 && anchor_height > 0 ? CAIRN_OK : CAIRN_ERROR_INVALID_ARGUMENT;
 }
 
 cairn_result cairn_unity_view_create(const cairn_device *device, cairn_presenter *presenter, cairn_unity_view **view)

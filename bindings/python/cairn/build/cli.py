@@ -449,7 +449,7 @@ def _named_worlds(options: argparse.Namespace) -> list[_NamedWorld]:
         raise BuildError("no world is named", field="bundle", remedy="Name a bundle, or shapes: --preset 360p --preset 720p.")
     names = [world.name for world in worlds]
     for name in (name for name in names if names.count(name) > 1):
-        raise BuildError(f"several worlds are called {name}", field="bundle", remedy="Rename one of the bundles, or name it alone.")
+        raise BuildError(f"several worlds are called {name}", field="bundle", remedy="Rename one of the bundles, or name each world once.")
     return worlds
 
 

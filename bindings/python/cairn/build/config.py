@@ -74,8 +74,8 @@ def read_config(path: Path, max_window: int, **autoencoder) -> Geometry:
         raise BuildError("it is longer than 1 MiB", field=str(path), remedy="Fetch the checkpoint's config.yaml.")
     try:
         config = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
-        # Dates and numbers that Python has not are a ValueError or an OverflowError.
+    except (yaml.YAMLError, ValueError, OverflowError, RecursionError, LookupError, AttributeError) as error:
+        # PyYAML converts scalars unchecked: impossible dates and numbers, and tags that do not suit a text, raise any of these.
         raise BuildError(f"it is no YAML ({error!s:.300})", field=str(path), remedy="Fetch it again.") from error
     if not isinstance(config, dict):
         raise BuildError("it is no mapping", field=str(path), remedy="Fetch it again.")
